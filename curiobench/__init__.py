@@ -1,0 +1,7 @@
+"""curiobench: which curiosity method helps a robot arm that is rewarded only at its goal?"""
+
+from curiobench.tasks.registration import register
+
+__version__ = "0.1.0"
+
+register()  # gymnasium.make("curiobench/SemanticStack3-v0") works once curiobench is imported

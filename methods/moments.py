@@ -1,0 +1,80 @@
+"""Running mean and standard deviation: one class, for observations, goals and rewards alike."""
+
+import torch
+from torch import Tensor
+
+
+class RunningMoments:
+    """Mean and standard deviation of everything passed to `update`, in float64.
+
+    Batches are merged by the parallel formula of Chan, Golub and LeVeque (1983), which loses no precision where
+    the mean is large beside the spread:
+
+        delta = mean_b - mean,  n' = n + n_b
+        mean' = mean + delta · n_b / n'
+        m2'   = m2 + m2_b + delta² · n · n_b / n'          variance = m2 / n (population)
+
+    `normalise` never updates: evaluation and reward normalisation read past statistics only.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...] = (), clip: float = 5.0, min_std: float = 1e-2, device: str | torch.device = "cpu"
+    ) -> None:
+        """
+        Args:
+            shape: shape of one sample; `()` for scalars such as rewards.
+            clip: normalised values are clipped to ±clip.
+            min_std: lower bound of the standard deviation, in the samples' unit; keeps what hardly varies from being
+                blown up, and a single sample from dividing by zero.
+            device: where the statistics live.
+        """
+        self.shape, self.clip, self.min_std = shape, clip, min_std
+        self.count = torch.zeros((), dtype=torch.float64, device=device)
+        self.mean = torch.zeros(shape, dtype=torch.float64, device=device)
+        self.m2 = torch.zeros(shape, dtype=torch.float64, device=device)
+
+    @property
+    def std(self) -> Tensor:
+        """(*shape) population standard deviation, at least `min_std`; 1 before the first sample."""
+        variance = self.m2 / self.count.clamp(min=1.0)
+        return torch.where(self.count > 0, variance.sqrt().clamp(min=self.min_std), 1.0)
+
+    @property
+    def inverse_std(self) -> Tensor:
+        """(*shape) 1 / std."""
+        return self.std.reciprocal()
+
+    @torch.no_grad()
+    def update(self, samples: Tensor) -> None:
+        """Merge samples (..., *shape) into the statistics. An empty batch changes nothing.
+
+        Raises ValueError where the trailing shape differs from `shape`.
+        """
+        if samples.shape[samples.dim() - len(self.shape) :] != self.shape:
+            raise ValueError(f"samples have shape {tuple(samples.shape)}; expected (..., {self.shape})")
+        batch = samples.to(torch.float64).reshape(-1, *self.shape)
+        if len(batch) == 0:
+            return
+        batch_mean = batch.mean(0)
+        delta = batch_mean - self.mean
+        total = self.count + len(batch)
+        self.mean += delta * (len(batch) / total)
+        self.m2 += (batch - batch_mean).square().sum(0) + delta.square() * (self.count * len(batch) / total)
+        self.count.copy_(total)
+
+    def normalise(self, samples: Tensor) -> Tensor:
+        """(samples - mean) / std, clipped to ±clip, in the samples' own float type. Never updates."""
+        centred = (samples - self.mean) * self.inverse_std
+        return centred.clamp(-self.clip, self.clip).to(samples.dtype)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Copies of count (), mean and m2 (*shape), float64."""
+        return {"count": self.count.clone(), "mean": self.mean.clone(), "m2": self.m2.clone()}
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        """Restore what `state_dict` gave. Raises ValueError where a shape differs."""
+        for name in ("count", "mean", "m2"):
+            own = getattr(self, name)
+            if state[name].shape != own.shape:
+                raise ValueError(f"saved {name} has shape {tuple(state[name].shape)}; expected {tuple(own.shape)}")
+            own.copy_(state[name])

@@ -1,0 +1,88 @@
+"""What a curiosity method is: a reward for a batch of transitions, and one gradient step on its own networks.
+
+A method does not know which agent uses it, and the agent does not know which method it has. An agent does, per batch:
+
+    transitions = Transitions(normalised states, actions, normalised next states, epoch)
+    r_int = method.reward(transitions)          # before the method learns from this very batch
+    metrics = method.update(transitions)
+    r = r_ext + tau · normalise(r_int)          # by past statistics of r_int
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Sampled transitions as the replay gives them: raw, relabelled, in the task's units."""
+
+    observation: Tensor
+    """(B, D) before the step."""
+    action: Tensor
+    """(B, A) in [-1, 1]."""
+    next_observation: Tensor
+    """(B, D) after the step."""
+    achieved_goal: Tensor
+    """(B, bits) before the step."""
+    next_achieved_goal: Tensor
+    """(B, bits) after the step."""
+    desired_goal: Tensor
+    """(B, bits), relabelled or not."""
+    reward: Tensor
+    """(B,) r_ext of the step under `desired_goal`."""
+
+    @classmethod
+    def from_numpy(cls, arrays: Mapping[str, np.ndarray]) -> "Batch":
+        """Arrays named like the fields, shared without copying. Raises TypeError on a missing or unknown name."""
+        return cls(**{name: torch.from_numpy(array) for name, array in arrays.items()})
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """The part of a batch that a curiosity method sees. It has no goal: relabelling must not change what is novel."""
+
+    state: Tensor
+    """(B, D) normalised and clipped to ±5."""
+    action: Tensor
+    """(B, A) in [-1, 1]."""
+    next_state: Tensor
+    """(B, D) normalised and clipped to ±5."""
+    epoch: int
+    """Epoch of training, from 0; MI's weight of conservativeness depends on it."""
+
+
+class IntrinsicReward(ABC):
+    """One curiosity method. Subclasses take `(state_size, action_size, config, generator)`, `config` being an instance
+    of their own frozen dataclass `Config`; all randomness comes from the torch.Generator, whose device is the method's.
+    """
+
+    Config: type
+
+    @abstractmethod
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,), raw, finite and without gradients. Changes nothing in the method."""
+
+    @abstractmethod
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """One gradient step on the method's own networks (or none). Metrics by name, as scalar tensors."""
+
+    def policy_loss_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
+        """Optional (B,), added to log pi(a | s, g) in the policy's loss; None for all methods but DAC.
+
+        `action` (B, A) was just drawn from the policy and carries its gradients; `desired_goal` is (B, bits).
+        """
+        return None
+
+    @abstractmethod
+    def state_dict(self) -> dict[str, Any]:
+        """All that the method holds: networks, optimisers, statistics, generator. Tensors and plain values only."""
+
+    @abstractmethod
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Restore what `state_dict` gave, so that training continues to the bit."""

@@ -1,0 +1,274 @@
+"""Goal-conditioned soft actor-critic (Haarnoja et al. 2018, arXiv 1812.05905) over pairs of blocks.
+
+    y          = r + gamma · (min_k Q'_k(s', a', g) - alpha · log pi(a' | s', g)),   a' ~ pi
+    critics    : mean over the batch, summed over k, of ½ (Q_k(s, a, g) - y)²
+    policy     : mean of alpha · log pi(a | s, g) - min_k Q_k(s, a, g),              a ~ pi
+    temperature: mean of -log alpha · (log pi(a | s, g) + target entropy)            (only if tuned)
+    r          = r_ext + tau · n(r_int)                                              (r_ext alone without a method)
+
+Every transition bootstraps: episodes end by time limit only. Targets are not clipped: with r_ext in {0, 1} the reward's
+part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower bound and r_int may be negative.
+"""
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from curiobench.methods.moments import RunningMoments
+from curiobench.methods.networks import Actor, PairEncoder, PairInputs, PairLayout, PairMode, TwinCritics
+from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
+
+Metrics = dict[str, Tensor]
+
+
+class NonFiniteError(FloatingPointError):
+    """A loss became NaN or infinite; names the update and the term. Weights are those before that update."""
+
+
+@dataclass(frozen=True)
+class SACConfig:
+    """Settings of the agent. Defaults are those of DECSTR where it has them."""
+
+    gamma: float = 0.98
+    """Discount factor a step, in [0, 1)."""
+    learning_rate: float = 1e-3
+    """Adam's learning rate, for actor, critics and temperature."""
+    polyak: float = 0.05
+    """Share of the critics' weights that moves into the target critics at each target update."""
+    target_every: int = 2
+    """Updates from one target update to the next."""
+    temperature: float = 0.2
+    """Weight of the policy's entropy; the initial one if tune_temperature is set."""
+    tune_temperature: bool = False
+    """Adjust the temperature until the policy's entropy is -dim(action) (Haarnoja et al. 2018, section 5)."""
+    hidden: int = 256
+    """Units in each hidden layer."""
+    layer_norm: bool = True
+    """Normalise hidden layers (Ba et al. 2016)."""
+    pairs: PairMode = "symmetric"
+    """Ordered pairs of blocks, all of them (symmetric), or one a pair, turned by the goal as in DECSTR (oriented)."""
+    identities: bool = False
+    """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
+    tau: float = 0.2
+    """Weight of the z-scored intrinsic reward."""
+
+    def __post_init__(self) -> None:
+        for name, legal in (("gamma", 0 <= self.gamma < 1), ("polyak", 0 < self.polyak <= 1), ("tau", self.tau >= 0)):
+            if not legal:
+                raise ValueError(f"{name} is {getattr(self, name)}; see its help for the legal range")
+        for name in ("learning_rate", "target_every", "temperature", "hidden"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+
+
+def soft_target(reward: Tensor, next_values: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float) -> Tensor:
+    """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions."""
+    return torch.addcmul(next_values.amin(0), alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
+
+
+def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
+    """Values (2, B) against targets (B,)."""
+    loss = 0.5 * (values - target).square().mean(1).sum()
+    return loss, {"critic_loss": loss.detach(), "q": values.detach().mean(), "target_q": target.mean()}
+
+
+def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor) -> tuple[Tensor, Metrics]:
+    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,)."""
+    loss = torch.addcmul(-values.amin(0), alpha, log_prob).mean()
+    return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean()}
+
+
+def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float) -> tuple[Tensor, Metrics]:
+    """log alpha () and log-densities (B,)."""
+    loss = -log_alpha * (log_prob.detach().mean() + target_entropy)
+    return loss, {"temperature_loss": loss.detach()}
+
+
+class SAC:
+    """The agent. All randomness comes from `generator`: initial weights, exploration, and noise in the losses."""
+
+    def __init__(
+        self,
+        layout: PairLayout,
+        config: SACConfig,
+        generator: torch.Generator,
+        intrinsic: IntrinsicReward | None = None,
+    ) -> None:
+        """
+        Args:
+            layout: where blocks and predicate bits stand in observations and goals.
+            config: settings.
+            generator: its device is the agent's.
+            intrinsic: the curiosity method, or None for the extrinsic reward alone.
+        """
+        self.layout, self.config, self.generator, self.intrinsic = layout, config, generator, intrinsic
+        self.device = generator.device
+        self.encoder = PairEncoder(layout, config.pairs, config.identities, self.device)
+        self.actor = Actor(self.encoder, config.hidden, config.layer_norm, generator)
+        self.critics = TwinCritics(self.encoder, config.hidden, config.layer_norm, generator)
+        self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
+        self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
+        self.reward_moments = RunningMoments((), min_std=1e-8, device=self.device)
+        self.optimisers = {
+            name: torch.optim.Adam(parameters, lr=config.learning_rate, fused=True)
+            for name, parameters in (
+                ("actor", self.actor.parameters()),
+                ("critics", self.critics.parameters()),
+                ("temperature", [self.log_alpha]),
+            )
+        }
+        self.updates = 0
+        self._static: Batch | None = None
+
+    @torch.no_grad()
+    def act(
+        self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray, deterministic: bool = False
+    ) -> np.ndarray:
+        """Actions of all worlds at once.
+
+        Args:
+            observation: (N, D), raw.
+            achieved_goal: (N, bits).
+            desired_goal: (N, bits).
+            deterministic: the mode tanh(mean) instead of a sample; then the generator is not touched.
+
+        Returns:
+            (N, A) float32 in [-1, 1].
+        """
+        mean, log_std = self.actor(self.encoder.encode(*self._tensors(observation, achieved_goal, desired_goal)))
+        if not deterministic:
+            noise = torch.randn(mean.shape, generator=self.generator, device=self.device)
+            mean = torch.addcmul(mean, log_std.exp(), noise)
+        return mean.tanh().cpu().numpy()
+
+    def observe(self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray) -> None:
+        """Add collected observations (..., D) and goals (..., bits) to the normalisers. Never called in evaluation."""
+        flat = (np.reshape(a, (-1, a.shape[-1])) for a in (observation, achieved_goal, desired_goal))
+        self.encoder.observe(*self._tensors(*flat))
+
+    def update(self, batch: Batch, epoch: int = 0) -> Metrics:
+        """One step of critics, policy, temperature and curiosity method on a batch.
+
+        Args:
+            batch: B transitions, raw, any numeric type; copied.
+            epoch: epoch of training, passed to the curiosity method.
+
+        Returns:
+            Scalar tensors by name, to be read only when logged.
+
+        Raises:
+            NonFiniteError: a loss is NaN or infinite; neither weights nor optimisers have taken that step.
+        """
+        static = self._load(batch)
+        inputs = self.encoder.encode(static.observation, static.achieved_goal, static.desired_goal)
+        next_inputs = self.encoder.encode(static.next_observation, static.next_achieved_goal, static.desired_goal)
+        metrics = {"reward": static.reward.mean()}
+        transitions = None
+        if self.intrinsic is not None:
+            transitions = Transitions(inputs.state, static.action, next_inputs.state, epoch)
+            metrics |= self._add_intrinsic(self.intrinsic, static.reward, transitions)
+        noise = torch.randn((2, *static.action.shape), generator=self.generator, device=self.device)
+        metrics |= self._update_critics(inputs, next_inputs, static, noise[0])
+        metrics |= self._update_policy(inputs, static, transitions, noise[1])
+        self.updates += 1
+        if self.updates % self.config.target_every == 0:
+            targets, sources = list(self.target_critics.parameters()), list(self.critics.parameters())
+            torch._foreach_lerp_(targets, sources, self.config.polyak)
+        return metrics
+
+    @torch.no_grad()
+    def _add_intrinsic(self, method: IntrinsicReward, reward: Tensor, transitions: Transitions) -> Metrics:
+        """Turn r_ext (B,) into r_ext + tau · n(r_int), in place, and let the method learn."""
+        raw = method.reward(transitions)
+        normalised = self.reward_moments.normalise(raw)
+        self.reward_moments.update(raw)
+        reward.add_(normalised, alpha=self.config.tau)
+        with torch.enable_grad():
+            learned = method.update(transitions)
+        return {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
+
+    def _update_critics(self, inputs: PairInputs, next_inputs: PairInputs, batch: Batch, noise: Tensor) -> Metrics:
+        with torch.no_grad():
+            next_action, next_log_prob = self.actor.sample(next_inputs, noise)
+            next_values = self.target_critics(next_inputs, next_action)
+            target = soft_target(batch.reward, next_values, next_log_prob, self.log_alpha.exp(), self.config.gamma)
+        loss, metrics = critic_loss(self.critics(inputs, batch.action), target)
+        self._step("critics", loss)
+        return metrics
+
+    def _update_policy(
+        self, inputs: PairInputs, batch: Batch, transitions: Transitions | None, noise: Tensor
+    ) -> Metrics:
+        action, log_prob = self.actor.sample(inputs, noise)
+        penalty = log_prob
+        if self.intrinsic is not None and transitions is not None:
+            term = self.intrinsic.policy_loss_term(transitions, batch.desired_goal, action)
+            penalty = log_prob if term is None else log_prob + term
+        alpha = self.log_alpha.detach().exp()
+        loss, metrics = policy_loss(self.critics(inputs, action, frozen=True), penalty, alpha)
+        self._step("actor", loss)
+        metrics["temperature"] = alpha
+        if self.config.tune_temperature:
+            loss, more = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
+            self._step("temperature", loss)
+            metrics |= more
+        return metrics
+
+    def _step(self, name: str, loss: Tensor) -> None:
+        """One Adam step on the named parameters alone; gradients of all others are not even computed."""
+        if not torch.isfinite(loss):
+            raise NonFiniteError(f"update {self.updates}: the loss of {name} is {loss.item()}")
+        optimiser = self.optimisers[name]
+        parameters = optimiser.param_groups[0]["params"]
+        for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
+            parameter.grad = gradient
+        optimiser.step()
+
+    def _load(self, batch: Batch) -> Batch:
+        """Copy a batch into float32 buffers that stay at one address."""
+        if self._static is None or self._static.reward.shape != batch.reward.shape:
+            empty = {f.name: torch.empty(getattr(batch, f.name).shape, device=self.device) for f in fields(Batch)}
+            self._static = Batch(**empty)
+        for f in fields(Batch):
+            getattr(self._static, f.name).copy_(getattr(batch, f.name))
+        return self._static
+
+    def _tensors(self, *arrays: np.ndarray) -> Iterable[Tensor]:
+        return (torch.as_tensor(a, dtype=torch.float32, device=self.device) for a in arrays)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
+        return {
+            "updates": self.updates,
+            "generator": self.generator.get_state(),
+            "encoder": self.encoder.state_dict(),
+            "actor": self.actor.state_dict(),
+            "critics": self.critics.state_dict(),
+            "target_critics": self.target_critics.state_dict(),
+            "log_alpha": self.log_alpha.detach().clone(),
+            "reward_moments": self.reward_moments.state_dict(),
+            "optimisers": {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()},
+            "intrinsic": None if self.intrinsic is None else self.intrinsic.state_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Restore what `state_dict` gave, in an agent of the same layout, config and method.
+
+        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent.
+        """
+        if (state["intrinsic"] is None) != (self.intrinsic is None):
+            raise ValueError("the saved agent and this one do not have the same curiosity method")
+        self.updates = state["updates"]
+        self.generator.set_state(state["generator"])
+        for name in ("encoder", "actor", "critics", "target_critics", "reward_moments"):
+            getattr(self, name).load_state_dict(state[name])
+        self.log_alpha.data.copy_(state["log_alpha"])
+        for name, optimiser in self.optimisers.items():
+            optimiser.load_state_dict(state["optimisers"][name])
+        if self.intrinsic is not None:
+            self.intrinsic.load_state_dict(state["intrinsic"])

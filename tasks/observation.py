@@ -1,0 +1,94 @@
+"""What an agent sees: the paper's state vector, the same for every robot, computed for any number of worlds at once.
+
+Lengths in metres, angles in radians, world frame. Velocities are per control step: SI values times 0.04 s.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curiobench.tasks.robots import CONTROL_TIMESTEP, HandState
+
+BODY_SIZE, BLOCK_SIZE = 10, 15
+BODY_PARTS = {
+    "grip_position": slice(0, 3),
+    "finger_positions": slice(3, 5),
+    "grip_velocity": slice(5, 8),
+    "finger_velocities": slice(8, 10),
+}
+"""Where each part of the hand's state stands in an observation."""
+BLOCK_PARTS = {
+    "position": slice(0, 3),
+    "relative_position": slice(3, 6),
+    "euler_angles": slice(6, 9),
+    "relative_velocity": slice(9, 12),
+    "angular_velocity": slice(12, 15),
+}
+"""Where each part of a block's state stands after the block's start, which is `10 + 15 i` for block i."""
+
+
+@dataclass(frozen=True)
+class BlockStates:
+    """Free-joint states of n blocks in N worlds, as MuJoCo keeps them."""
+
+    positions: np.ndarray
+    """`(N, n, 3)` centres."""
+    quaternions: np.ndarray
+    """`(N, n, 4)` orientations (w, x, y, z)."""
+    velocities: np.ndarray
+    """`(N, n, 3)` metres a second."""
+    angular_velocities: np.ndarray
+    """`(N, n, 3)` radians a second, in each block's own frame."""
+
+
+def observation_size(n_blocks: int) -> int:
+    """Length of the state vector: 55 for three blocks."""
+    return BODY_SIZE + BLOCK_SIZE * n_blocks
+
+
+def observation(hand: HandState, blocks: BlockStates) -> np.ndarray:
+    """The state vector `(N, 10 + 15 n)`, float32."""
+    n_worlds, n_blocks = blocks.positions.shape[:2]
+    vector = np.empty((n_worlds, observation_size(n_blocks)), np.float32)
+    vector[:, BODY_PARTS["grip_position"]] = hand.grip_position
+    vector[:, BODY_PARTS["finger_positions"]] = hand.finger_positions
+    vector[:, BODY_PARTS["grip_velocity"]] = hand.grip_velocity * CONTROL_TIMESTEP
+    vector[:, BODY_PARTS["finger_velocities"]] = hand.finger_velocities * CONTROL_TIMESTEP
+    rotation = rotation_matrices(blocks.quaternions)
+    part = vector[:, BODY_SIZE:].reshape(n_worlds, n_blocks, BLOCK_SIZE)
+    part[..., BLOCK_PARTS["position"]] = blocks.positions
+    part[..., BLOCK_PARTS["relative_position"]] = blocks.positions - hand.grip_position[:, None]
+    part[..., BLOCK_PARTS["euler_angles"]] = euler_angles(rotation)
+    relative_velocity = blocks.velocities - hand.grip_velocity[:, None]
+    part[..., BLOCK_PARTS["relative_velocity"]] = relative_velocity * CONTROL_TIMESTEP
+    world_angular = np.matvec(rotation, blocks.angular_velocities)
+    part[..., BLOCK_PARTS["angular_velocity"]] = world_angular * CONTROL_TIMESTEP
+    return vector
+
+
+def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
+    """Rotation matrices `(..., 3, 3)` of unit quaternions `(..., 4)` in MuJoCo's order w, x, y, z."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    matrix = np.empty((*quaternions.shape[:-1], 3, 3))
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return matrix
+
+
+def euler_angles(rotation: np.ndarray) -> np.ndarray:
+    """Angles `(..., 3)` about x, y and z of rotation matrices `(..., 3, 3)`, the convention of gym's `mat2euler`.
+
+    The matrix is R_x(a) R_y(b) R_z(c); where b is ±90° (gimbal lock) only c - a or c + a is defined, and a is 0.
+    """
+    cos_y = np.hypot(rotation[..., 2, 2], rotation[..., 1, 2])
+    regular = cos_y > 4 * np.finfo(np.float64).eps
+    angles = np.empty(rotation.shape[:-1])
+    angles[..., 0] = np.where(regular, np.arctan2(-rotation[..., 1, 2], rotation[..., 2, 2]), 0.0)
+    angles[..., 1] = np.arctan2(rotation[..., 0, 2], cos_y)
+    angles[..., 2] = np.where(
+        regular,
+        np.arctan2(-rotation[..., 0, 1], rotation[..., 0, 0]),
+        np.arctan2(rotation[..., 1, 0], rotation[..., 1, 1]),
+    )
+    return angles

@@ -1,0 +1,191 @@
+"""The robots: one action and one observation layout, two bodies.
+
+`FreeGripper` (here) is a pair of fingers on a hand that slides freely in space; `FetchArm` (fetch.py) is the paper's
+seven-joint arm. Both take the same four numbers and answer with the same ten, so that a policy moves from one to the
+other. Lengths in metres, masses in kilograms, forces in newtons.
+
+Action, each in [-1, 1]: hand displacement (x, y, z) in units of `HAND_STEP`, and finger displacement (positive opens).
+"""
+
+import abc
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+CONTROL_TIMESTEP = 0.04
+"""Seconds per action: 25 Hz."""
+HAND_STEP = 0.05
+"""Displacement of the hand's target at |action| = 1 (metres)."""
+FINGER_TARGET_LIMIT = 0.2
+"""Upper end of the finger servos' control range (metres); the lower is 0."""
+HAND_ROTATION = (1.0, 0.0, 1.0, 0.0)
+"""Orientation of the hand (w, x, y, z, not normalised): its x axis points down, its y axis along world y."""
+GRIP_IN_HAND = (0.02, 0.0, 0.0)
+"""The grip site, between the finger tips, in the hand's frame."""
+GRIP_START = (1.3419, 0.7491, 0.5347)
+"""Where the grip site is when an episode starts (measured on the arm)."""
+
+_FINGER_KP = 30_000.0
+_FINGER_JOINT = dict(type="slide", armature=100, damping=1000, limited=True, range=(0, 0.05),
+                     solreflimit=(0.01, 1), solimplimit=(0.99, 0.999, 0.01))  # fmt: skip
+_CONTACT = dict(margin=0.001, solref=(0.01, 1), solimp=(0.99, 0.99, 0.01))
+_METAL = (0.36, 0.36, 0.38, 1.0)
+_PALE = (0.93, 0.93, 0.94, 1.0)
+
+
+@dataclass(frozen=True)
+class HandState:
+    """What both robots know of their hand, for N worlds at once; metres and metres a second, world frame."""
+
+    grip_position: np.ndarray
+    """`(N, 3)`"""
+    grip_velocity: np.ndarray
+    """`(N, 3)`"""
+    finger_positions: np.ndarray
+    """`(N, 2)`, right and left; the opening between them is their sum plus 1.8 mm."""
+    finger_velocities: np.ndarray
+    """`(N, 2)`"""
+    target_origin: np.ndarray
+    """`(N, k)`: the present pose from which an action displaces the hand's target, in the robot's own terms."""
+
+
+class Hand(abc.ABC):
+    """A robot's hand in one compiled model: reads its state and turns actions into commands, for N worlds at once."""
+
+    control_spec: int
+    """Which parts of MuJoCo's state (`mjtState`) a command sets."""
+
+    def __init__(self, model: mujoco.MjModel, finger_joints: tuple[str, str]):
+        self.finger_qpos = [model.joint(name).qposadr[0] for name in finger_joints]
+        self.finger_dofs = [model.joint(name).dofadr[0] for name in finger_joints]
+
+    @abc.abstractmethod
+    def state(self, qpos: np.ndarray, qvel: np.ndarray) -> HandState:
+        """Reads the hands of N worlds from positions `(N, nq)` and velocities `(N, nv)`."""
+
+    @abc.abstractmethod
+    def command(self, state: HandState, action: np.ndarray) -> np.ndarray:
+        """What to write into the state's `control_spec` parts, `(N, k)`, to carry out actions `(N, 4)`."""
+
+
+class Robot(composer.Entity, abc.ABC):
+    """A hand with two fingers that a task installs in its arena and drives by commands."""
+
+    timestep: float
+    """Physics time step (seconds)."""
+
+    @property
+    def n_substeps(self) -> int:
+        """Physics steps per action."""
+        return round(CONTROL_TIMESTEP / self.timestep)
+
+    @abc.abstractmethod
+    def install(self, arena: composer.Arena) -> None:
+        """Attaches the robot to `arena`; call once, before the model is compiled."""
+
+    @abc.abstractmethod
+    def bind(self, model: mujoco.MjModel) -> Hand:
+        """The hand of this robot in the compiled `model`."""
+
+    @abc.abstractmethod
+    def start_configuration(self, model: mujoco.MjModel) -> np.ndarray:
+        """Positions `(nq,)` with the hand at rest at `GRIP_START`, fingers closed, the rest as in `model.qpos0`."""
+
+
+def finger_targets(finger_positions: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """Servo targets `(N, 2)` in metres: the present positions moved by the fourth action, unscaled and clamped.
+
+    A full action asks for a metre, so that in effect the sign opens or closes and the middle holds.
+    """
+    return np.clip(finger_positions + action[:, 3:4], 0.0, FINGER_TARGET_LIMIT)
+
+
+class FreeGripper(Robot):
+    """The arm's fingers on a free-floating hand that always points straight down.
+
+    Three slides carry the hand; servos pull it to its present position plus the action, as the arm's mocap weld does.
+    Stiffness, damping and the part of its weight that is left uncompensated are tuned to the arm's motion: see
+    docs/fidelity.md for how close they are.
+    """
+
+    timestep = 0.005
+
+    hand_mass = 10.0
+    servo_stiffness = 40_000.0
+    servo_damping = 1_700.0
+    uncompensated_weight = 1.0
+    """Weight that the servos carry (kilograms of the hand's own): it makes an idle hand sag as the arm's does."""
+
+    def _build(self) -> None:
+        self._mjcf_model = root = mjcf.RootElement(model="robot")
+        root.compiler.angle = "radian"
+        mount = root.worldbody.add("body", name="mount", pos=self._hand_at(GRIP_START))
+        for axis, direction in zip("xyz", np.eye(3), strict=True):
+            mount.add("joint", name=f"hand_{axis}", type="slide", axis=direction)
+        hand = mount.add("body", name="hand", quat=HAND_ROTATION,
+                         gravcomp=1 - self.uncompensated_weight / self.hand_mass)  # fmt: skip
+        # a box around the arm's gripper link, which is what blocks can bump into
+        hand.add("geom", name="palm", type="box", pos=(-0.093, 0, 0), size=(0.061, 0.063, 0.04), mass=self.hand_mass,
+                 rgba=_PALE, **_CONTACT)  # fmt: skip
+        hand.add("site", name="grip", pos=GRIP_IN_HAND, size=(0.005,), rgba=(0, 0, 0, 0))
+        right = add_finger(hand, "right", side=1)
+        left = add_finger(hand, "left", side=-1)
+        root.contact.add("exclude", body1=right.parent, body2=left.parent)
+        for axis in "xyz":
+            root.actuator.add("position", name=f"hand_{axis}", joint=f"hand_{axis}", kp=self.servo_stiffness,
+                              kv=self.servo_damping)  # fmt: skip
+        for joint in (right, left):
+            root.actuator.add("position", name=joint.name, joint=joint, kp=_FINGER_KP,
+                              ctrllimited=True, ctrlrange=(0, FINGER_TARGET_LIMIT))  # fmt: skip
+
+    @staticmethod
+    def _hand_at(grip: tuple[float, float, float]) -> tuple[float, float, float]:
+        return (grip[0], grip[1], grip[2] + GRIP_IN_HAND[0])  # the hand's x axis points down
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_model
+
+    def install(self, arena: composer.Arena) -> None:
+        arena.attach(self)
+
+    def bind(self, model: mujoco.MjModel) -> Hand:
+        return _SlidingHand(model)
+
+    def start_configuration(self, model: mujoco.MjModel) -> np.ndarray:
+        return model.qpos0.copy()  # the slides are zero at the start pose
+
+
+class _SlidingHand(Hand):
+    control_spec = int(mujoco.mjtState.mjSTATE_CTRL)
+
+    def __init__(self, model: mujoco.MjModel):
+        super().__init__(model, ("robot/right_finger", "robot/left_finger"))
+        slides = [model.joint(f"robot/hand_{axis}") for axis in "xyz"]
+        self._slide_qpos = [joint.qposadr[0] for joint in slides]
+        self._slide_dofs = [joint.dofadr[0] for joint in slides]
+
+    def state(self, qpos: np.ndarray, qvel: np.ndarray) -> HandState:
+        slides = qpos[:, self._slide_qpos]
+        return HandState(
+            grip_position=slides + GRIP_START,
+            grip_velocity=qvel[:, self._slide_dofs],
+            finger_positions=qpos[:, self.finger_qpos],
+            finger_velocities=qvel[:, self.finger_dofs],
+            target_origin=slides,
+        )
+
+    def command(self, state: HandState, action: np.ndarray) -> np.ndarray:
+        target = state.target_origin + HAND_STEP * action[:, :3]
+        return np.hstack([target, finger_targets(state.finger_positions, action)])
+
+
+def add_finger(hand: mjcf.Element, side_name: str, side: int) -> mjcf.Element:
+    """Adds one finger of the Fetch gripper to `hand`, on the positive (1) or negative (-1) y side; returns its joint."""
+    finger = hand.add("body", name=f"{side_name}_finger", pos=(0, 0.0159 * side, 0), gravcomp=1)
+    finger.add("inertial", pos=(-0.01, 0, 0), mass=4, diaginertia=(0.1, 0.1, 0.1))
+    finger.add("geom", name=f"{side_name}_finger", type="box", pos=(0, -0.008 * side, 0), size=(0.0385, 0.007, 0.0135),
+               condim=4, friction=(1, 0.05, 0.01), rgba=_METAL, **_CONTACT)  # fmt: skip
+    return finger.add("joint", name=f"{side_name}_finger", axis=(0, side, 0), **_FINGER_JOINT)

@@ -1,0 +1,256 @@
+"""The semantic-stacking task as a dm_control composer task, and what both ways to step it share."""
+
+import collections
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+from dm_control.composer.observation import observable
+from dm_env import specs
+
+from curiobench.tasks import observation as obs
+from curiobench.tasks.goal_names import BLOCK_NAMES
+from curiobench.tasks.goals import GoalSpace, goal_space, predicates
+from curiobench.tasks.registration import EPISODE_STEPS, ROBOTS, check_name, n_blocks_of
+from curiobench.tasks.robots import CONTROL_TIMESTEP, FreeGripper, Robot
+from curiobench.tasks.scene import Block, TableArena
+from curiobench.tasks.starts import HELD_FINGER_POSITION, NONE_HELD, BiasedStarts, sample_starts
+
+ACTION_SIZE = 4
+_ACTION_TOLERANCE = 1e-5
+"""By how much rounding may carry an action over ±1."""
+
+
+class StackingModel:
+    """A compiled model together with the places where the task reads and writes it, for N worlds at once.
+
+    Args:
+      model: compiled from a `SemanticStacking` task's MJCF.
+      robot: the task's robot.
+      block_joints: names of the blocks' free joints.
+    """
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, block_joints: list[str]):
+        self.model = model
+        self.hand = robot.bind(model)
+        self.n_substeps = robot.n_substeps
+        joints = [model.joint(name) for name in block_joints]
+        self._qpos = np.array([joint.qposadr[0] + np.arange(7) for joint in joints])
+        self._qvel = np.array([joint.dofadr[0] + np.arange(6) for joint in joints])
+        self._start = robot.start_configuration(model)
+
+    @property
+    def n_blocks(self) -> int:
+        return len(self._qpos)
+
+    def block_positions(self, qpos: np.ndarray) -> np.ndarray:
+        """Centres `(N, n, 3)` in metres, from positions `(N, nq)`."""
+        return qpos[:, self._qpos[:, :3]]
+
+    def observation(self, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+        """Observations `(N, 10 + 15 n)` of positions `(N, nq)` and velocities `(N, nv)`."""
+        return obs.observation(self.hand.state(qpos, qvel), self._block_states(qpos, qvel))
+
+    def _block_states(self, qpos: np.ndarray, qvel: np.ndarray) -> obs.BlockStates:
+        poses, velocities = qpos[:, self._qpos], qvel[:, self._qvel]
+        return obs.BlockStates(poses[..., :3], poses[..., 3:], velocities[..., :3], velocities[..., 3:])
+
+    def command(self, qpos: np.ndarray, qvel: np.ndarray, action: np.ndarray) -> np.ndarray:
+        """The hand's command `(N, k)` that carries out actions `(N, 4)`."""
+        return self.hand.command(self.hand.state(qpos, qvel), action)
+
+    def sample_starts(self, rng: np.random.Generator, biased: np.ndarray, probabilities: BiasedStarts) -> np.ndarray:
+        """Positions `(N, nq)` in which episodes start, at rest; `biased` `(N,)` says which are biased."""
+        positions, held = sample_starts(rng, biased, self.n_blocks, probabilities)
+        qpos = self.place_blocks(positions)
+        holding = held != NONE_HELD
+        qpos[np.ix_(holding, self.hand.finger_qpos)] = HELD_FINGER_POSITION
+        return qpos
+
+    def place_blocks(self, positions: np.ndarray) -> np.ndarray:
+        """Positions `(N, nq)` with the hand at its start and upright blocks at centres `(N, n, 3)` in metres."""
+        qpos = np.tile(self._start, (len(positions), 1))
+        qpos[:, self._qpos[:, :3]] = positions
+        qpos[:, self._qpos[:, 3:]] = (1, 0, 0, 0)
+        return qpos
+
+
+class SemanticStacking(composer.Task):
+    """Bring n blocks into a goal configuration; reward 1 in every step after which all predicates match, else 0."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        n_blocks: int,
+        goal: "str | int | np.ndarray | None" = None,
+        biased: bool = False,
+        probabilities: BiasedStarts | None = None,
+    ):
+        """Builds the scene.
+
+        Args:
+          robot: a robot that no other task uses.
+          n_blocks: 2 to 5.
+          goal: what `GoalSpace.parse` understands; None draws one of the valid goals for every episode.
+          biased: whether episodes start biased towards stacks and a held block.
+          probabilities: of biased starts; the paper's unless given.
+
+        Raises:
+          ValueError: an unknown goal or a number of blocks out of range.
+        """
+        self.goal_space: GoalSpace = goal_space(n_blocks)
+        self.biased = biased
+        self._probabilities = probabilities or BiasedStarts()
+        self._fixed_goal = None if goal is None else self.goal_space.parse(goal)
+        self._goal = self.goal_space.goals[0] if goal is None else self._fixed_goal
+        self._step_count = 0
+        self._robot = robot
+        self._arena = TableArena()
+        # the composer's own arena switches to elliptic cones and noslip iterations, which the paper's world lacks
+        self._arena.mjcf_model.option.set_attributes(cone="pyramidal", noslip_iterations=0)
+        robot.install(self._arena)
+        self._block_joints = [Block(index).add_to(self._arena) for index in range(n_blocks)]
+        self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=robot.timestep)
+        self._bound: StackingModel | None = None
+        self._task_observables = self._named_observables()
+
+    @property
+    def root_entity(self) -> composer.Entity:
+        return self._arena
+
+    @property
+    def task_observables(self) -> dict[str, observable.Observable]:
+        return self._task_observables
+
+    @property
+    def goal(self) -> np.ndarray:
+        """The present episode's desired goal, `(n_bits,)`."""
+        return self._goal
+
+    def set_goal(self, goal: "str | int | np.ndarray | None") -> None:
+        """Fixes the goal from the next episode on; None draws one of the valid goals for every episode.
+
+        Raises:
+          ValueError: see `GoalSpace.parse`.
+        """
+        self._fixed_goal = None if goal is None else self.goal_space.parse(goal)
+
+    def compile(self) -> StackingModel:
+        """Compiles the scene for stepping outside of composer."""
+        return self._bind(mjcf.Physics.from_mjcf_model(self._arena.mjcf_model).model.ptr)
+
+    def bound(self, physics: mjcf.Physics) -> StackingModel:
+        """The places in `physics`' model that the task reads and writes; kept until the model changes."""
+        if self._bound is None or self._bound.model is not physics.model.ptr:
+            self._bound = self._bind(physics.model.ptr)
+        return self._bound
+
+    def _bind(self, model: mujoco.MjModel) -> StackingModel:
+        return StackingModel(model, self._robot, [joint.full_identifier for joint in self._block_joints])
+
+    def initialize_episode(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
+        rng = np.random.default_rng(random_state.randint(1 << 32, size=4, dtype=np.uint64))
+        physics.data.qpos[:] = self.bound(physics).sample_starts(rng, np.array([self.biased]), self._probabilities)[0]
+        physics.data.qvel[:] = 0
+        goals = self.goal_space.goals
+        self._goal = goals[rng.integers(len(goals))] if self._fixed_goal is None else self._fixed_goal
+        self._step_count = 0
+
+    def action_spec(self, physics: mjcf.Physics) -> specs.BoundedArray:
+        return specs.BoundedArray((ACTION_SIZE,), np.float32, -1.0, 1.0, name="dx\tdy\tdz\tfingers")
+
+    def before_step(self, physics: mjcf.Physics, action: np.ndarray, random_state: np.random.RandomState) -> None:
+        model, data, bound = physics.model.ptr, physics.data.ptr, self.bound(physics)
+        command = bound.command(data.qpos[None], data.qvel[None], check_actions(action, 1))
+        mujoco.mj_setState(model, data, command[0], bound.hand.control_spec)
+        # a batched step starts from a cold solver and from the command's own kinematics: so must this one, to agree
+        data.qacc_warmstart[:] = 0
+        mujoco.mj_step1(model, data)
+
+    def after_step(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
+        self._step_count += 1
+
+    def achieved_goal(self, physics: mjcf.Physics) -> np.ndarray:
+        """The predicates that hold now, `(n_bits,)`."""
+        return predicates(self.bound(physics).block_positions(physics.data.qpos[None]))[0]
+
+    def get_reward(self, physics: mjcf.Physics) -> float:
+        return float(np.array_equal(self.achieved_goal(physics), self._goal))
+
+    def should_terminate_episode(self, physics: mjcf.Physics) -> bool:
+        # a time limit, not a failure: the discount stays 1
+        return self._step_count >= EPISODE_STEPS
+
+    def _named_observables(self) -> dict[str, observable.Observable]:
+        """The flat vectors that agents learn from, and every part of them by name."""
+        named = collections.OrderedDict(
+            observation=observable.Generic(self._observation),
+            achieved_goal=observable.Generic(self.achieved_goal),
+            desired_goal=observable.Generic(lambda physics: self._goal),
+        )
+        for name, part in obs.BODY_PARTS.items():
+            named[f"hand/{name}"] = self._part(part)
+        for index in range(self.goal_space.n_blocks):
+            start = obs.BODY_SIZE + obs.BLOCK_SIZE * index
+            for name, part in obs.BLOCK_PARTS.items():
+                named[f"block_{BLOCK_NAMES[index]}/{name}"] = self._part(slice(start + part.start, start + part.stop))
+        for entry in named.values():
+            entry.enabled = True
+        return named
+
+    def _part(self, part: slice) -> observable.Observable:
+        return observable.Generic(lambda physics: self._observation(physics)[part])
+
+    def _observation(self, physics: mjcf.Physics) -> np.ndarray:
+        return self.bound(physics).observation(physics.data.qpos[None], physics.data.qvel[None])[0]
+
+
+def check_actions(actions: np.ndarray, n_worlds: int) -> np.ndarray:
+    """Actions as `(n_worlds, 4)` float64 in [-1, 1].
+
+    Raises:
+      ValueError: a wrong shape, a value that is not finite or one outside [-1, 1].
+    """
+    actions = np.asarray(actions, dtype=np.float64)
+    if actions.shape != (n_worlds, ACTION_SIZE) and not (n_worlds == 1 and actions.shape == (ACTION_SIZE,)):
+        raise ValueError(f"actions must have shape ({n_worlds}, {ACTION_SIZE}), got {actions.shape}")
+    actions = actions.reshape(n_worlds, ACTION_SIZE)
+    # one comparison that NaN fails too
+    if not (np.abs(actions) <= 1 + _ACTION_TOLERANCE).all():
+        world, entry = np.argwhere(~(np.abs(actions) <= 1 + _ACTION_TOLERANCE))[0]
+        raise ValueError(f"actions must lie in [-1, 1], got {actions[world, entry]} in entry {entry} of world {world}")
+    return actions.clip(-1, 1)
+
+
+def make_robot(name: str) -> Robot:
+    """A fresh robot by name; raises ValueError for an unknown one, or where its meshes are not installed."""
+    if check_name("robot", name, ROBOTS) == "fetch":
+        from curiobench.tasks.fetch import FetchArm  # needs the extra `fetch`
+
+        return FetchArm()
+    return FreeGripper()
+
+
+def load(
+    task: str = "stack3",
+    robot: str = "gripper",
+    goal: "str | int | np.ndarray | None" = None,
+    biased: bool = False,
+    random_state: "int | np.random.RandomState | None" = None,
+) -> composer.Environment:
+    """Builds a dm_control environment.
+
+    Args:
+      task: "stack2" to "stack5".
+      robot: "gripper" (a free-floating hand, fast) or "fetch" (the paper's arm).
+      goal: name, bit string, number or bits of a goal; None draws one of the valid goals for every episode.
+      biased: whether episodes start biased towards stacks and a held block.
+      random_state: seed of the starts and goals.
+
+    Raises:
+      ValueError: an unknown task, robot or goal.
+    """
+    stacking = SemanticStacking(make_robot(robot), n_blocks_of(task), goal=goal, biased=biased)
+    return composer.Environment(
+        stacking, random_state=random_state, strip_singleton_obs_buffer_dim=True, recompile_mjcf_every_episode=False
+    )
