@@ -3,13 +3,13 @@
 Nothing about goals or rewards is stored with a transition: goals are drawn, and rewards recomputed, for every batch.
 """
 
-import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from curiobench.episode_files import EpisodeFiles
 
 ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
 """(achieved goals (B, bits), desired goals (B, bits), info) -> rewards (B,)."""
@@ -166,8 +166,8 @@ class EpisodeReplay:
     def sample(self, batch_size: int, generator: np.random.Generator) -> dict[str, np.ndarray]:
         """Draw transitions. Needs at least one episode, else raises ValueError.
 
-        Returns contiguous arrays named like the fields of `curiobench.methods.reward.Batch`: observations (B, D), actions
-        (B, A) and rewards (B,) float32, goals (B, bits) uint8.
+        Returns contiguous arrays named like the fields of `curiobench.methods.reward.Batch`: observations (B, D),
+        actions (B, A) and rewards (B,) float32, goals (B, bits) uint8.
         """
         if not len(self):
             raise ValueError("the replay is empty")
@@ -225,53 +225,41 @@ class EpisodeReplay:
         return slot, step, relabelled
 
     def save(self, folder: Path) -> str:
-        """Write the episodes added since the last save, and then, by one rename, a manifest of the whole state.
-
-        A kill at any moment leaves the previous save loadable: its manifest and files stay until the save after the next.
+        """Write the episodes added since the last save, then a manifest of the whole state; see `EpisodeFiles`.
 
         Returns:
             The manifest's name, to be kept with the agent's checkpoint and given to `load`.
         """
-        folder.mkdir(parents=True, exist_ok=True)
-        previous = f"replay-{self._saved}.json"
-        oldest = max(0, self.added - self.config.capacity)
-        segments = _read_manifest(folder / previous)["segments"] if self._saved else []
-        first = max(self._saved, oldest)
-        if first < self.added:
-            _write_arrays(folder / f"episodes-{first}-{self.added}.npz", self._episodes(first, self.added))
-            segments = [s for s in segments if s[1] > oldest] + [[first, self.added]]
-        name, index = f"replay-{self.added}.json", f"index-{self.added}.npz"
-        _write_arrays(folder / index, {"goal_of": self.index.goal_of, "position": self.index.position})
-        shapes = {name: list(array.shape) for name, array in self.arrays.items()}
-        manifest = {"added": self.added, "segments": segments, "index": index, "shapes": shapes}
-        _replace(folder / name, lambda file: file.write(json.dumps(manifest).encode()))
-        _prune(folder, keep={name, previous})
+        arrays = {"goal_of": self.index.goal_of, "position": self.index.position}
+        capacity = self.config.capacity
+
+        def episodes(first: int, end: int) -> dict[str, np.ndarray]:
+            return {name: array[np.arange(first, end) % capacity] for name, array in self.arrays.items()}
+
+        oldest = self.added - len(self)
+        name = EpisodeFiles(folder).save(self._saved, oldest, self.added, episodes, arrays, self._shapes())
         self._saved = self.added
         return name
 
     def load(self, folder: Path, name: str) -> None:
         """Restore the state that `save` returned `name` for, into a replay of the same capacity and sizes.
 
-        Raises ValueError where they differ, OSError or ValueError where a file is missing or damaged.
+        Raises ValueError where they differ, and OSError, KeyError or ValueError where a file is missing or damaged.
         """
-        manifest = _read_manifest(folder / name)
-        shapes = {name: list(array.shape) for name, array in self.arrays.items()}
-        if manifest["shapes"] != shapes:
-            raise ValueError(f"{folder / name} holds arrays of shapes {manifest['shapes']}; this replay has {shapes}")
+        files = EpisodeFiles(folder)
+        manifest = files.manifest(name)
+        if manifest["shapes"] != self._shapes():
+            raise ValueError(f"{folder / name} holds shapes {manifest['shapes']}; this replay has {self._shapes()}")
         oldest = max(0, manifest["added"] - self.config.capacity)
         for first, end in manifest["segments"]:
-            with np.load(folder / f"episodes-{first}-{end}.npz", allow_pickle=False) as saved:
-                kept = np.arange(max(first, oldest), end)
-                for array_name, array in self.arrays.items():
-                    array[kept % self.config.capacity] = saved[array_name][kept - first]
-        with np.load(folder / manifest["index"], allow_pickle=False) as saved:
-            self.index.restore(saved["goal_of"], saved["position"])
+            kept = np.arange(max(first, oldest), end)
+            for array_name, saved in files.segment(first, end).items():
+                self.arrays[array_name][kept % self.config.capacity] = saved[kept - first]
+        self.index.restore(**files.arrays(manifest["index"]))
         self.added = self._saved = manifest["added"]
 
-    def _episodes(self, first: int, end: int) -> dict[str, np.ndarray]:
-        """Episodes number first … end - 1, counted from the first ever added."""
-        slots = np.arange(first, end) % self.config.capacity
-        return {name: array[slots] for name, array in self.arrays.items()}
+    def _shapes(self) -> dict[str, list[int]]:
+        return {name: list(array.shape) for name, array in self.arrays.items()}
 
 
 def _allocate(name: str, shape: tuple[int, ...], dtype: type, folder: Path | None) -> np.ndarray:
@@ -288,34 +276,3 @@ def _scaled(uniform: np.ndarray, n: int | np.ndarray) -> np.ndarray:
 
 def _first_bad(values: np.ndarray) -> np.integer:
     return np.argmin(np.isfinite(values).reshape(len(values), -1).all(1))
-
-
-def _replace(path: Path, write: Callable) -> None:
-    """Write beside, then rename: the file is whole or absent."""
-    partial = path.with_name(path.name + ".partial")
-    with open(partial, "wb") as file:
-        write(file)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(partial, path)
-
-
-def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    _replace(path, lambda file: np.savez(file, **arrays))
-
-
-def _read_manifest(path: Path) -> dict:
-    return json.loads(path.read_text())
-
-
-def _prune(folder: Path, keep: set[str]) -> None:
-    """Delete the manifests not to be kept, and every file that no kept manifest names."""
-    needed = set(keep)
-    for name in keep:
-        if (folder / name).exists():
-            manifest = _read_manifest(folder / name)
-            needed |= {manifest["index"], *(f"episodes-{first}-{end}.npz" for first, end in manifest["segments"])}
-    for pattern in ("replay-*", "index-*", "episodes-*"):
-        for path in folder.glob(pattern):
-            if path.name not in needed:
-                path.unlink()

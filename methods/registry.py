@@ -32,7 +32,10 @@ def available_specs() -> list[str]:
 
 
 def parse_spec(text: str) -> MethodSpec:
-    """Read a method spec. Raises ValueError that names the nearest legal one, or says that it is not implemented yet."""
+    """Read a method spec.
+
+    Raises ValueError, which names the nearest legal spec, or says that a planned method is not implemented yet.
+    """
     spec = text.strip().lower()
     if spec in available_specs():
         return MethodSpec(spec, REWARDS.get(spec))

@@ -11,19 +11,25 @@ part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower boun
 """
 
 import copy
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from curiobench.methods.capture import CapturedStep, StaticBatch
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import Actor, PairEncoder, PairInputs, PairLayout, PairMode, TwinCritics
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 
 Metrics = dict[str, Tensor]
+
+CUDA_CHECK_EVERY = 100
+"""Updates from one check for non-finite losses to the next on CUDA, where a check stalls the device; else it is 1."""
 
 
 class NonFiniteError(FloatingPointError):
@@ -68,7 +74,7 @@ class SACConfig:
 
 def soft_target(reward: Tensor, next_values: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float) -> Tensor:
     """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions."""
-    return torch.addcmul(next_values.amin(0), alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
+    return torch.addcmul(next_values.min(0).values, alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
 
 
 def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
@@ -79,8 +85,8 @@ def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
 
 def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor) -> tuple[Tensor, Metrics]:
     """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,)."""
-    loss = torch.addcmul(-values.amin(0), alpha, log_prob).mean()
-    return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean()}
+    loss = torch.addcmul(-values.min(0).values, alpha, log_prob).mean()
+    return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean(), "temperature": alpha}
 
 
 def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float) -> tuple[Tensor, Metrics]:
@@ -91,6 +97,8 @@ def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float)
 
 class SAC:
     """The agent. All randomness comes from `generator`: initial weights, exploration, and noise in the losses."""
+
+    _STATEFUL = ("encoder", "actor", "critics", "target_critics", "reward_moments", "optimiser")
 
     def __init__(
         self,
@@ -114,16 +122,13 @@ class SAC:
         self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
         self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
         self.reward_moments = RunningMoments((), min_std=1e-8, device=self.device)
-        self.optimisers = {
-            name: torch.optim.Adam(parameters, lr=config.learning_rate, fused=True)
-            for name, parameters in (
-                ("actor", self.actor.parameters()),
-                ("critics", self.critics.parameters()),
-                ("temperature", [self.log_alpha]),
-            )
-        }
+        self._trained = [*self.actor.parameters(), *self.critics.parameters()]
+        self._trained += [self.log_alpha] if config.tune_temperature else []
+        on_cuda = self.device.type == "cuda"
+        self.optimiser = torch.optim.Adam(self._trained, lr=config.learning_rate, fused=True, capturable=on_cuda)
+        self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
         self.updates = 0
-        self._static: Batch | None = None
+        self._static: StaticBatch | None = None
 
     @torch.no_grad()
     def act(
@@ -159,27 +164,44 @@ class SAC:
             epoch: epoch of training, passed to the curiosity method.
 
         Returns:
-            Scalar tensors by name, to be read only when logged.
+            Scalar tensors by name, means over the batch, to be read only when logged: reward (r_ext), critic_loss, q
+            (of stored actions), target_q, policy_loss, entropy (of the policy, squashed), temperature; temperature_loss
+            if it is tuned; with a curiosity method intrinsic_raw, intrinsic_normalised, and the method's own.
 
         Raises:
-            NonFiniteError: a loss is NaN or infinite; neither weights nor optimisers have taken that step.
+            NonFiniteError: a loss is NaN or infinite; neither weights nor optimiser have taken that step. (On CUDA
+                it is noticed up to CUDA_CHECK_EVERY updates late.)
         """
-        static = self._load(batch)
-        inputs = self.encoder.encode(static.observation, static.achieved_goal, static.desired_goal)
-        next_inputs = self.encoder.encode(static.next_observation, static.next_achieved_goal, static.desired_goal)
-        metrics = {"reward": static.reward.mean()}
-        transitions = None
-        if self.intrinsic is not None:
-            transitions = Transitions(inputs.state, static.action, next_inputs.state, epoch)
-            metrics |= self._add_intrinsic(self.intrinsic, static.reward, transitions)
-        noise = torch.randn((2, *static.action.shape), generator=self.generator, device=self.device)
-        metrics |= self._update_critics(inputs, next_inputs, static, noise[0])
-        metrics |= self._update_policy(inputs, static, transitions, noise[1])
+        if self._static is None or self._static.size != len(batch.reward):
+            self._static = StaticBatch(self.layout, len(batch.reward), self.device)
+            self._captured = CapturedStep(partial(self._learn, self._static, 0), self.generator)
+        self._static.load(batch)
+        metrics = self._captured() if self.intrinsic is None else self._learn(self._static, epoch)
+        if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
+            self._check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
         if self.updates % self.config.target_every == 0:
-            targets, sources = list(self.target_critics.parameters()), list(self.critics.parameters())
-            torch._foreach_lerp_(targets, sources, self.config.polyak)
+            torch._foreach_lerp_(self._targets, self._sources, self.config.polyak)
         return metrics
+
+    def _learn(self, batch: StaticBatch, epoch: int) -> Metrics:
+        """`update` less target networks and counter: reads the batch in its fixed place and, on CUDA, never waits."""
+        inputs, next_inputs = self.encoder.encode_rows(batch.rows)
+        metrics = {"reward": batch.reward.mean()}
+        transitions = None
+        if self.intrinsic is not None:
+            transitions = Transitions(inputs.state, batch.action, next_inputs.state, epoch)
+            metrics |= self._add_intrinsic(self.intrinsic, batch.reward, transitions)
+        noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
+        target = self._target(next_inputs, batch.reward, noise[0])
+        losses, more = self._losses(inputs, batch, target, noise[1], transitions)
+        if self.device.type == "cpu":
+            self._check(losses)
+        gradients = torch.autograd.grad(sum(losses.values()), self._trained)
+        for parameter, gradient in zip(self._trained, gradients, strict=True):
+            parameter.grad = gradient
+        self.optimiser.step()
+        return metrics | more
 
     @torch.no_grad()
     def _add_intrinsic(self, method: IntrinsicReward, reward: Tensor, transitions: Transitions) -> Metrics:
@@ -192,69 +214,51 @@ class SAC:
             learned = method.update(transitions)
         return {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
 
-    def _update_critics(self, inputs: PairInputs, next_inputs: PairInputs, batch: Batch, noise: Tensor) -> Metrics:
-        with torch.no_grad():
-            next_action, next_log_prob = self.actor.sample(next_inputs, noise)
-            next_values = self.target_critics(next_inputs, next_action)
-            target = soft_target(batch.reward, next_values, next_log_prob, self.log_alpha.exp(), self.config.gamma)
-        loss, metrics = critic_loss(self.critics(inputs, batch.action), target)
-        self._step("critics", loss)
-        return metrics
+    @torch.no_grad()
+    def _target(self, next_inputs: PairInputs, reward: Tensor, noise: Tensor) -> Tensor:
+        """Bootstrapped targets (B,) of both critics."""
+        next_action, next_log_prob = self.actor.sample(next_inputs, noise)
+        next_values = self.target_critics(next_inputs, next_action.unsqueeze(0)).squeeze(1)
+        return soft_target(reward, next_values, next_log_prob, self.log_alpha.exp(), self.config.gamma)
 
-    def _update_policy(
-        self, inputs: PairInputs, batch: Batch, transitions: Transitions | None, noise: Tensor
-    ) -> Metrics:
+    def _losses(
+        self, inputs: PairInputs, batch: StaticBatch, target: Tensor, noise: Tensor, transitions: Transitions | None
+    ) -> tuple[dict[str, Tensor], Metrics]:
+        """Losses by name (critics, policy and, if it is tuned, temperature), all at the same weights; and metrics."""
         action, log_prob = self.actor.sample(inputs, noise)
+        stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
         penalty = log_prob
         if self.intrinsic is not None and transitions is not None:
-            term = self.intrinsic.policy_loss_term(transitions, batch.desired_goal, action)
+            term = self.intrinsic.policy_loss_term(transitions, batch.desired_goal[0], action)
             penalty = log_prob if term is None else log_prob + term
-        alpha = self.log_alpha.detach().exp()
-        loss, metrics = policy_loss(self.critics(inputs, action, frozen=True), penalty, alpha)
-        self._step("actor", loss)
-        metrics["temperature"] = alpha
+        found = {
+            "critics": critic_loss(stored, target),
+            "policy": policy_loss(own, penalty, self.log_alpha.detach().exp()),
+        }
         if self.config.tune_temperature:
-            loss, more = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
-            self._step("temperature", loss)
-            metrics |= more
-        return metrics
+            found["temperature"] = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
+        metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
+        return {name: loss for name, (loss, _) in found.items()}, metrics
 
-    def _step(self, name: str, loss: Tensor) -> None:
-        """One Adam step on the named parameters alone; gradients of all others are not even computed."""
-        if not torch.isfinite(loss):
-            raise NonFiniteError(f"update {self.updates}: the loss of {name} is {loss.item()}")
-        optimiser = self.optimisers[name]
-        parameters = optimiser.param_groups[0]["params"]
-        for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
-            parameter.grad = gradient
-        optimiser.step()
-
-    def _load(self, batch: Batch) -> Batch:
-        """Copy a batch into float32 buffers that stay at one address."""
-        if self._static is None or self._static.reward.shape != batch.reward.shape:
-            empty = {f.name: torch.empty(getattr(batch, f.name).shape, device=self.device) for f in fields(Batch)}
-            self._static = Batch(**empty)
-        for f in fields(Batch):
-            getattr(self._static, f.name).copy_(getattr(batch, f.name))
-        return self._static
+    def _check(self, losses: dict[str, Tensor]) -> None:
+        """Raise NonFiniteError unless all losses are finite. Waits for the device."""
+        if not math.isfinite(sum(losses.values()).item()):
+            broken = ", ".join(f"{name} ({loss.item()})" for name, loss in losses.items() if not loss.isfinite())
+            raise NonFiniteError(f"update {self.updates}: loss not finite: {broken}")
 
     def _tensors(self, *arrays: np.ndarray) -> Iterable[Tensor]:
         return (torch.as_tensor(a, dtype=torch.float32, device=self.device) for a in arrays)
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
-        return {
+        """A copy of everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
+        state = {name: getattr(self, name).state_dict() for name in self._STATEFUL}
+        state["intrinsic"] = None if self.intrinsic is None else self.intrinsic.state_dict()
+        state |= {
             "updates": self.updates,
             "generator": self.generator.get_state(),
-            "encoder": self.encoder.state_dict(),
-            "actor": self.actor.state_dict(),
-            "critics": self.critics.state_dict(),
-            "target_critics": self.target_critics.state_dict(),
-            "log_alpha": self.log_alpha.detach().clone(),
-            "reward_moments": self.reward_moments.state_dict(),
-            "optimisers": {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()},
-            "intrinsic": None if self.intrinsic is None else self.intrinsic.state_dict(),
+            "log_alpha": self.log_alpha.detach(),
         }
+        return copy.deepcopy(state)
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore what `state_dict` gave, in an agent of the same layout, config and method.
@@ -263,12 +267,11 @@ class SAC:
         """
         if (state["intrinsic"] is None) != (self.intrinsic is None):
             raise ValueError("the saved agent and this one do not have the same curiosity method")
+        state = copy.deepcopy(state)  # the optimiser keeps what it is given
+        for name in self._STATEFUL:
+            getattr(self, name).load_state_dict(state[name])
         self.updates = state["updates"]
         self.generator.set_state(state["generator"])
-        for name in ("encoder", "actor", "critics", "target_critics", "reward_moments"):
-            getattr(self, name).load_state_dict(state[name])
         self.log_alpha.data.copy_(state["log_alpha"])
-        for name, optimiser in self.optimisers.items():
-            optimiser.load_state_dict(state["optimisers"][name])
         if self.intrinsic is not None:
             self.intrinsic.load_state_dict(state["intrinsic"])

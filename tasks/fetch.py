@@ -99,7 +99,8 @@ class _ArmHand(Hand):
             mujoco.mj_comPos(self._model, data)
             mujoco.mj_comVel(self._model, data)
             mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_SITE, self._grip, velocity[w], 0)
-            grip[w], pose[w, :3], pose[w, 3:] = data.site_xpos[self._grip], data.xpos[self._hand], data.xquat[self._hand]
+            grip[w] = data.site_xpos[self._grip]
+            pose[w, :3], pose[w, 3:] = data.xpos[self._hand], data.xquat[self._hand]
         return HandState(
             grip_position=grip,
             grip_velocity=velocity[:, 3:],

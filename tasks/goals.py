@@ -13,7 +13,7 @@ import difflib
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def predicates(positions: np.ndarray) -> np.ndarray:
     return bits
 
 
-@lru_cache(maxsize=None)
+@cache
 def _pair_indices(n_blocks: int) -> tuple[np.ndarray, np.ndarray]:
     return np.triu_indices(n_blocks, k=1)
 
@@ -185,7 +185,7 @@ class GoalSpace:
             raise ValueError(f"unknown goal {name!r}: {error}{hint}") from None
 
 
-@lru_cache(maxsize=None)
+@cache
 def goal_space(n_blocks: int) -> GoalSpace:
     """The `GoalSpace` over `n_blocks` blocks (2 to 5), computed once.
 

@@ -69,11 +69,12 @@ def observation(hand: HandState, blocks: BlockStates) -> np.ndarray:
 def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
     """Rotation matrices `(..., 3, 3)` of unit quaternions `(..., 4)` in MuJoCo's order w, x, y, z."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    matrix = np.empty((*quaternions.shape[:-1], 3, 3))
-    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    return matrix
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def euler_angles(rotation: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def _relations(layouts: np.ndarray, carries: bool) -> np.ndarray:
 
 
 def _canonical(relation: np.ndarray, extra: np.ndarray) -> np.ndarray:
-    """The smallest of the hashes that `(k, n, n)` relations, with `(k, n, n, ·)` extras, get as columns are renumbered."""
+    """The smallest hash that `(k, n, n)` relations, with `(k, n, n, ·)` extras, get as columns are renumbered."""
     n = relation.shape[1]
     first, second = np.triu_indices(n, k=1)
     n_digits = len(first) * (1 + extra.shape[-1])

@@ -113,9 +113,11 @@ class FreeGripper(Robot):
     timestep = 0.005
 
     hand_mass = 10.0
-    servo_stiffness = 40_000.0
-    servo_damping = 1_700.0
-    uncompensated_weight = 1.0
+    servo_stiffness = (32_500.0, 34_500.0, 34_500.0)
+    """Newtons a metre, along x, y and z."""
+    servo_damping = (1_385.0, 1_450.0, 1_435.0)
+    """Newton seconds a metre."""
+    uncompensated_weight = 0.8
     """Weight that the servos carry (kilograms of the hand's own): it makes an idle hand sag as the arm's does."""
 
     def _build(self) -> None:
@@ -133,9 +135,8 @@ class FreeGripper(Robot):
         right = add_finger(hand, "right", side=1)
         left = add_finger(hand, "left", side=-1)
         root.contact.add("exclude", body1=right.parent, body2=left.parent)
-        for axis in "xyz":
-            root.actuator.add("position", name=f"hand_{axis}", joint=f"hand_{axis}", kp=self.servo_stiffness,
-                              kv=self.servo_damping)  # fmt: skip
+        for axis, stiffness, damping in zip("xyz", self.servo_stiffness, self.servo_damping, strict=True):
+            root.actuator.add("position", name=f"hand_{axis}", joint=f"hand_{axis}", kp=stiffness, kv=damping)
         for joint in (right, left):
             root.actuator.add("position", name=joint.name, joint=joint, kp=_FINGER_KP,
                               ctrllimited=True, ctrlrange=(0, FINGER_TARGET_LIMIT))  # fmt: skip
@@ -183,7 +184,7 @@ class _SlidingHand(Hand):
 
 
 def add_finger(hand: mjcf.Element, side_name: str, side: int) -> mjcf.Element:
-    """Adds one finger of the Fetch gripper to `hand`, on the positive (1) or negative (-1) y side; returns its joint."""
+    """Adds a finger of the Fetch gripper on the positive (1) or negative (-1) y side of `hand`; returns its joint."""
     finger = hand.add("body", name=f"{side_name}_finger", pos=(0, 0.0159 * side, 0), gravcomp=1)
     finger.add("inertial", pos=(-0.01, 0, 0), mass=4, diaginertia=(0.1, 0.1, 0.1))
     finger.add("geom", name=f"{side_name}_finger", type="box", pos=(0, -0.008 * side, 0), size=(0.0385, 0.007, 0.0135),

@@ -40,13 +40,14 @@ class TableArena(composer.Arena):
             "texture", name="sky", type="skybox", builtin="gradient",
             rgb1=(0.93, 0.95, 0.97), rgb2=(0.78, 0.82, 0.87), width=256, height=256,
         )  # fmt: skip
-        root.worldbody.add("light", pos=(0.9, 0.2, 2.2), dir=(0.25, 0.3, -1.0), diffuse=(0.55, 0.55, 0.55),
-                           directional=True, castshadow=True)  # fmt: skip
-        root.worldbody.add("camera", name=CAMERA, pos=(2.13, 0.22, 0.98), xyaxes=(0.54, 0.84, 0, -0.43, 0.28, 0.86),
-                           fovy=40)  # fmt: skip
-        root.worldbody.add("geom", name="floor", type="plane", size=(3, 3, 0.1), rgba=(0.62, 0.64, 0.66, 1))
+        # a spot light: the shadows of a directional one are spread over the whole floor and get grainy
+        root.worldbody.add("light", pos=(0.7, 0.1, 2.4), dir=(0.6, 0.65, -2.0), diffuse=(0.55, 0.55, 0.55),
+                           specular=(0.1, 0.1, 0.1), cutoff=50, exponent=1, castshadow=True)  # fmt: skip
+        root.worldbody.add("camera", name=CAMERA, pos=(1.98, 0.20, 0.98), xyaxes=(0.6, 0.8, 0, -0.46, 0.345, 0.818),
+                           fovy=42)  # fmt: skip
+        root.worldbody.add("geom", name="floor", type="plane", size=(3, 3, 0.1), rgba=(0.70, 0.72, 0.74, 1))
         root.worldbody.add(
-            "geom", name="table", type="box", pos=TABLE_CENTRE, size=TABLE_HALF_SIZE, rgba=(0.90, 0.87, 0.82, 1)
+            "geom", name="table", type="box", pos=TABLE_CENTRE, size=TABLE_HALF_SIZE, rgba=(0.78, 0.75, 0.70, 1)
         )
 
 
@@ -74,4 +75,3 @@ class Block(composer.Entity):
         frame = arena.attach(self)
         # not `add_free_entity`: MJCF's <freejoint> takes no damping
         return frame.add("joint", name="free", type="free", damping=BLOCK_JOINT_DAMPING)
-

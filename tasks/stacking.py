@@ -112,6 +112,7 @@ class SemanticStacking(composer.Task):
         self._block_joints = [Block(index).add_to(self._arena) for index in range(n_blocks)]
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=robot.timestep)
         self._bound: StackingModel | None = None
+        self._observed: tuple[bytes, np.ndarray] = (b"", np.empty(0))
         self._task_observables = self._named_observables()
 
     @property
@@ -202,7 +203,12 @@ class SemanticStacking(composer.Task):
         return observable.Generic(lambda physics: self._observation(physics)[part])
 
     def _observation(self, physics: mjcf.Physics) -> np.ndarray:
-        return self.bound(physics).observation(physics.data.qpos[None], physics.data.qvel[None])[0]
+        """The state vector; computed once per state, for every named part asks for it."""
+        state = physics.data.qpos.tobytes() + physics.data.qvel.tobytes()
+        if state != self._observed[0]:
+            vector = self.bound(physics).observation(physics.data.qpos[None], physics.data.qvel[None])[0]
+            self._observed = (state, vector)
+        return self._observed[1]
 
 
 def check_actions(actions: np.ndarray, n_worlds: int) -> np.ndarray:

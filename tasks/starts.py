@@ -33,7 +33,9 @@ class BiasedStarts:
     def __post_init__(self) -> None:
         chances = (self.stack_of_two, self.stack_of_three, self.held)
         if not all(0 <= p <= 1 for p in chances) or self.stack_of_two + self.stack_of_three > 1:
-            raise ValueError(f"probabilities of biased starts must lie in [0, 1] and stacks add up to at most 1: {self}")
+            raise ValueError(
+                f"probabilities of biased starts must lie in [0, 1] and stacks add up to at most 1: {self}"
+            )
 
 
 def sample_starts(

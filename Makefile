@@ -1,0 +1,44 @@
+# Everything here sets up what it needs by itself: a virtual environment in .venv with the pinned versions.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUN := OMP_NUM_THREADS=1 $(BIN)/python
+INSTALLED := $(VENV)/.installed
+
+.PHONY: setup quickstart test test-slow benchmark fidelity lint format clean
+
+setup: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+quickstart: $(INSTALLED)   ## a few minutes: trains sac on stack2 and shows what it learned
+	$(BIN)/curiobench train --preset smoke --task stack2 --method sac --seed 0 --epochs 40 --out runs/quickstart
+
+test: $(INSTALLED)   ## all checks but the slow ones
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(RUN) -m pytest -n 2 --durations 10
+
+test-slow: $(INSTALLED)   ## the checks that take minutes
+	$(RUN) -m pytest -n 2 -m slow --durations 10
+
+benchmark: $(INSTALLED)   ## ratios measured side by side; leave the machine alone meanwhile
+	$(RUN) -m pytest tests/benchmarks --benchmark-only -m "slow or not slow" -p no:xdist
+
+fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its pictures
+	$(RUN) docs/make_fidelity.py
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(INSTALLED)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,5 @@
+"""`python -m curiobench`."""
+
+from curiobench.cli import main
+
+main()

@@ -1,0 +1,94 @@
+"""Arguments of the commands, and how they are parsed. Those of `train` stand apart, as they need torch."""
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import tyro
+
+Arguments = TypeVar("Arguments")
+
+
+@dataclass(frozen=True)
+class ListArguments:
+    """Show the tasks, robots, methods and presets that `curiobench train` accepts."""
+
+
+@dataclass(frozen=True)
+class EvaluateArguments:
+    """Test the agent of a run's newest checkpoint on every goal, from plain starts, by its deterministic policy.
+
+    The run may still be training. With the run's own number of episodes the starts are those of its evaluations.
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    goals: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show every goal, not only the layers."""
+    episodes: int | None = None
+    """Test episodes of every goal; by default as many as in the run's own evaluations."""
+    threads: int = 1
+    """Threads that step the worlds; results do not depend on it."""
+
+
+@dataclass(frozen=True)
+class VideoArguments:
+    """Film the agent of a run's newest checkpoint while it pursues a goal, (needs the extra `video`)."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    goal: str
+    """The goal: a name such as "a on b, c apart", or bits such as 100100000. `curiobench evaluate RUN --goals` lists
+    them."""
+    out: Path | None = None
+    """File to write, .mp4 or .gif; by default an mp4 in the run folder, named after the goal."""
+    episodes: int = 3
+    """Episodes to show, one after the other."""
+    seed: int = 0
+    """Seed of the starts."""
+
+
+@dataclass(frozen=True)
+class TableArguments:
+    """Show the learned goals of several runs at their last evaluation, a line a run."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders."""
+
+
+def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None) -> Arguments:
+    """Read the arguments of a command.
+
+    Args:
+        kind: dataclass of the command's arguments; its docstrings are the help.
+        command: its name.
+        arguments: what follows the command.
+        default: values of what is not given.
+
+    Raises:
+        ValueError: arguments that are not understood; one line.
+        SystemExit: on `--help`, after showing it.
+    """
+    messages = io.StringIO()
+    try:
+        with redirect_stderr(messages):
+            return tyro.cli(kind, prog=f"curiobench {command}", args=list(arguments), default=default)
+    except SystemExit as exit_:
+        if not exit_.code:
+            raise
+        raise ValueError(_one_line(messages.getvalue())) from None
+
+
+def _one_line(box: str) -> str:
+    """The message in a box as tyro draws it: its first section, and the flag that it suggests."""
+    text = re.sub(r"\x1b\[[\d;]*m", "", box)
+    rows = [row.strip("│ ") for row in text.splitlines() if row.startswith("│")]
+    sections = re.split(r"\n─+\n", "\n".join(rows))
+    message = " ".join(sections[0].split())
+    if suggested := re.search(r"Perhaps you meant:\n(\S+)", "\n".join(sections[1:])):
+        message += f"; perhaps you meant {suggested[1]}"
+    return message

@@ -1,0 +1,124 @@
+"""The command line. Commands import what they need as they run: `curiobench --help` needs neither torch nor MuJoCo."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from curiobench.errors import Interrupted, RunFailed
+
+USAGE = """usage: curiobench COMMAND [OPTIONS]
+
+Which curiosity method helps a robot arm that is rewarded only at its goal?
+
+  list       tasks, robots, methods and presets
+  train      train one run in a folder; it may be stopped and resumed at any time
+  evaluate   test a run's agent on every goal
+  video      film a run's agent while it pursues a goal
+  table      learned goals of several runs, side by side
+
+`curiobench COMMAND --help` explains a command. To begin:
+
+  curiobench train --task stack2 --method sac --preset smoke --out runs/demo
+
+Exit codes: 0 done, 1 a run failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a checkpoint."""
+
+
+def list_choices(arguments: Sequence[str]) -> None:
+    """Print what can be trained."""
+    from curiobench.arguments import ListArguments, parse
+
+    parse(ListArguments, "list", arguments)
+    from curiobench.listing import listing
+
+    print(listing())
+
+
+def train(arguments: Sequence[str]) -> None:
+    """Train a run."""
+    from curiobench.train_arguments import parse_train
+
+    parsed = parse_train(arguments)
+    from curiobench.train import train
+
+    train(parsed.config, parsed.out, parsed.resume, ["curiobench", "train", *arguments])
+
+
+def evaluate(arguments: Sequence[str]) -> None:
+    """Test a run's agent and print its learned goals."""
+    from curiobench.arguments import EvaluateArguments, parse
+
+    parsed = parse(EvaluateArguments, "evaluate", arguments)
+    from curiobench.evaluation import Evaluator
+    from curiobench.saved_agent import load_agent
+    from curiobench.tables import format_goals, format_layers
+
+    config, agent = load_agent(parsed.run)
+    episodes = config.episodes_per_goal if parsed.episodes is None else parsed.episodes
+    evaluation = Evaluator(config.task, config.robot, episodes, parsed.threads).evaluate(agent)
+    if parsed.goals:
+        print(format_goals(evaluation.rows()), end="\n\n")
+    print(format_layers(evaluation.learned_by_layer()))
+
+
+def video(arguments: Sequence[str]) -> None:
+    """Film a run's agent."""
+    from curiobench.arguments import VideoArguments, parse
+
+    parsed = parse(VideoArguments, "video", arguments)
+    from curiobench.saved_agent import load_agent
+    from curiobench.video import film
+
+    config, agent = load_agent(parsed.run)
+    path, successes = film(agent, config, parsed.goal, parsed.out, parsed.run, parsed.episodes, parsed.seed)
+    print(f"{path}: {successes} of {parsed.episodes} episodes reached the goal")
+
+
+def table(arguments: Sequence[str]) -> None:
+    """Print the learned goals of runs; raises ValueError, after the table, that names the folders it could not read."""
+    from curiobench.arguments import TableArguments, parse
+
+    parsed = parse(TableArguments, "table", arguments)
+    if not parsed.runs:
+        raise ValueError("name at least one run folder")
+    from curiobench.tables import format_runs, summarise_runs
+
+    summaries, faults = summarise_runs(parsed.runs)
+    if summaries:
+        print(format_runs(summaries))
+    if faults:
+        raise ValueError("not in the table: " + "; ".join(faults))
+
+
+COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
+    "list": list_choices,
+    "train": train,
+    "evaluate": evaluate,
+    "video": video,
+    "table": table,
+}
+
+
+def main() -> NoReturn:
+    """Run the command in `sys.argv` and exit with a code that `USAGE` explains; errors take one line on stderr."""
+    command, *arguments = sys.argv[1:] or ["--help"]
+    if command in ("-h", "--help"):
+        print(USAGE)
+        sys.exit(0)
+    try:
+        if command not in COMMANDS:
+            raise ValueError(f"unknown command {command!r}; the commands are {', '.join(COMMANDS)}")
+        COMMANDS[command](arguments)
+    except ValueError as error:
+        _exit(error, 2)
+    except RunFailed as error:
+        _exit(error, 1)
+    except Interrupted as error:
+        _exit(error, 128 + error.signal_number)
+    except KeyboardInterrupt:
+        _exit("stopped at once", 130)
+    sys.exit(0)
+
+
+def _exit(message: object, code: int) -> NoReturn:
+    print(f"curiobench: {message}", file=sys.stderr)
+    sys.exit(code)

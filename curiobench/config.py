@@ -1,0 +1,222 @@
+"""What decides a run: `RunConfig`, the presets, and their JSON form.
+
+The docstrings of the fields are the command line's help; every field can be overridden there. Nothing but a `RunConfig`
+decides the numbers of a run, `machine` apart, which changes none.
+"""
+
+import hashlib
+import json
+import re
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from curiobench.methods.registry import parse_spec
+from curiobench.methods.sac import SACConfig
+from curiobench.replay import ReplayConfig
+from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+
+CONFIG_VERSION = 1
+"""Raised whenever a field is added, removed or changes its meaning."""
+
+
+def _check_at_least(config: Any, least: int, *names: str) -> None:
+    for name in names:
+        if getattr(config, name) < least:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be at least {least}")
+
+
+@dataclass(frozen=True)
+class MachineConfig:
+    """How this machine does the work. Nothing here changes a number, so a resumed run may change it."""
+
+    threads: int = 1
+    """Threads that step the worlds."""
+    checkpoint_every: int = 1
+    """Epochs between checkpoints. A killed run repeats what came after its last one."""
+    replay_on_disk: bool = False
+    """Keep the replay in memory-mapped files in the run folder instead of in memory."""
+    tensorboard: bool = False
+    """Log progress to `tensorboard/` in the run folder, too (needs the extra `tensorboard`)."""
+
+    def __post_init__(self) -> None:
+        _check_at_least(self, 1, "threads", "checkpoint_every")
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Everything that decides the numbers of a run."""
+
+    task: str = "stack3"
+    """Task: stack2 to stack5, the number of blocks."""
+    method: str = "sac"
+    """Method spec; `curiobench list` shows them all."""
+    seed: int = 0
+    """Seed of all random streams of training. Evaluation has its own, the same for every run."""
+    robot: str = "gripper"
+    """Robot: gripper (a free-floating hand, several times faster) or fetch (the paper's arm)."""
+    preset: str = "laptop"
+    """Preset that gives the defaults of all options below: paper, laptop or smoke."""
+
+    epochs: int = 500
+    """Epochs of training."""
+    cycles: int = 50
+    """Cycles an epoch. A cycle collects worlds × rollouts episodes, then makes its gradient updates."""
+    worlds: int = 16
+    """Worlds that are stepped together."""
+    rollouts: int = 2
+    """Episodes a cycle in each world, one after the other."""
+    updates: int = 30
+    """Gradient updates a cycle."""
+    batch_size: int = 4096
+    """Transitions a gradient update."""
+    biased_from_epoch: int = 80
+    """First epoch, counted from 0, whose training episodes start biased towards stacks and held blocks."""
+
+    evaluate_every: int = 5
+    """Epochs between evaluations; there is one before training and one after the last epoch in any case."""
+    episodes_per_goal: int = 25
+    """Test episodes of every goal in an evaluation."""
+
+    device: str = "cpu"
+    """Where the networks live: cpu, cuda or cuda:N. Runs on different devices differ in their last bits."""
+    torch_threads: int = 1
+    """Threads of one torch operation; more than one seldom pays for networks this small, and may change last bits."""
+
+    replay: ReplayConfig = field(default_factory=ReplayConfig)
+    """Replay of episodes with hindsight relabelling."""
+    sac: SACConfig = field(default_factory=SACConfig)
+    """The agent."""
+    machine: MachineConfig = field(default_factory=MachineConfig)
+    """How this machine does the work; changes no number."""
+
+    def __post_init__(self) -> None:
+        check_name("task", self.task, TASKS)
+        check_name("robot", self.robot, ROBOTS)
+        check_name("preset", self.preset, PRESET_NAMES)
+        object.__setattr__(self, "method", parse_spec(self.method).text)
+        _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "batch_size")
+        _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
+        _check_at_least(self, 0, "seed", "updates", "biased_from_epoch")
+        if self.worlds > self.replay.capacity:
+            raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
+        if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):
+            raise ValueError(f"device is {self.device!r}; legal are cpu, cuda and cuda:N")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, nested; `from_json` turns them back into an equal config."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: Any, version: Any = CONFIG_VERSION) -> "RunConfig":
+        """Restore a config.
+
+        Args:
+            values: what `to_json` gave.
+            version: the `CONFIG_VERSION` it was written under.
+
+        Raises:
+            ValueError: another version, an unknown or missing field, or an illegal value; one line, names the field.
+        """
+        if version != CONFIG_VERSION:
+            raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
+        return _build(cls, values, "")
+
+    def decisive(self) -> dict[str, Any]:
+        """The part of `to_json` that decides the numbers: all but the machine's."""
+        return {name: value for name, value in self.to_json().items() if name != "machine"}
+
+    def fingerprint(self) -> str:
+        """Hexadecimal digest of everything that decides the numbers."""
+        return hashlib.sha256(json.dumps(self.decisive(), sort_keys=True).encode()).hexdigest()
+
+
+PRESET_NAMES = ("paper", "laptop", "smoke")
+
+PRESETS = MappingProxyType(
+    {
+        # 40 M steps. DECSTR sums the gradients of 16 workers with a batch of 256 each; Adam does not see the factor
+        # between that sum and the mean over one batch of 16 × 256
+        "paper": RunConfig(preset="paper", worlds=16, rollouts=2, updates=30, batch_size=16 * 256),
+        # about an hour on one core for stack2
+        "laptop": RunConfig(
+            preset="laptop",
+            epochs=50,
+            cycles=40,
+            worlds=64,
+            rollouts=1,
+            updates=60,
+            batch_size=512,
+            biased_from_epoch=0,
+            evaluate_every=1,
+            replay=ReplayConfig(satisfied_cap=0.3),
+            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
+        ),
+        # a minute: shows that everything works, learns next to nothing
+        "smoke": RunConfig(
+            preset="smoke",
+            epochs=5,
+            cycles=8,
+            worlds=32,
+            rollouts=1,
+            updates=20,
+            batch_size=256,
+            biased_from_epoch=1,
+            evaluate_every=1,
+            episodes_per_goal=10,
+            replay=ReplayConfig(capacity=2_000, satisfied_cap=0.3),
+            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
+        ),
+    }
+)
+"""Configs by name; task, method, seed and robot are each run's own."""
+
+PRESET_LINES = MappingProxyType(
+    {
+        "paper": "the paper's full scale: 500 epochs, 40 M steps; days on 16 cores",
+        "laptop": "about an hour on one core for stack2",
+        "smoke": "a minute: shows that everything works, learns next to nothing",
+    }
+)
+"""One line on each preset."""
+
+
+def differences(old: RunConfig, new: RunConfig) -> list[str]:
+    """Fields that decide numbers and differ, as "epochs is 50, not 60"; empty where the runs would be the same."""
+    return _differences(old.decisive(), new.decisive())
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> list[str]:
+    found = []
+    for name, value in old.items():
+        if isinstance(value, dict):
+            found += _differences(value, new[name], f"{path}{name}.")
+        elif value != new[name]:
+            found.append(f"{path}{name} is {value!r}, not {new[name]!r}")
+    return found
+
+
+def _build(cls: type, values: Any, path: str) -> Any:
+    """An instance of dataclass `cls` from plain values that name each of its fields once."""
+    if not isinstance(values, dict):
+        raise ValueError(f"config {path.rstrip('.') or 'file'} is {values!r}; expected an object with named fields")
+    names = {f.name for f in fields(cls)}
+    for found, kind in ((values.keys() - names, "unknown"), (names - values.keys(), "missing")):
+        if found:
+            raise ValueError(f"{kind} config field {path}{min(found)}")
+    hints = get_type_hints(cls)
+    return cls(**{name: _value(hints[name], values[name], path + name) for name in values})
+
+
+def _value(hint: Any, value: Any, name: str) -> Any:
+    if is_dataclass(hint):
+        return _build(hint, value, f"{name}.")
+    options = get_args(hint) or (hint,)
+    if get_origin(hint) is Literal:
+        legal = isinstance(value, str) and value in options
+    else:
+        legal = type(value) in options or (float in options and type(value) is int)
+    if not legal:
+        names = " or ".join(o.__name__ if isinstance(o, type) else repr(o) for o in options)
+        raise ValueError(f"config field {name} is {value!r}; expected {names}")
+    return value

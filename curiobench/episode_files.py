@@ -1,0 +1,96 @@
+"""Episodes on disk: written once, in segments, with manifests that say which of them make up a saved state.
+
+A segment `episodes-FIRST-END.npz` holds the episodes number FIRST to END - 1, counted from the first ever added. A save
+writes one segment of what is new and a manifest `replay-ADDED.json`. All files are written beside and then renamed, so
+each is whole or absent, and the last two saves stay loadable: a kill between the save of the replay and that of the
+agent leaves a replay that fits the older agent. No pickles.
+"""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+Arrays = dict[str, np.ndarray]
+
+
+class EpisodeFiles:
+    """The saved states of one replay, in one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+
+    def save(
+        self,
+        saved: int,
+        oldest: int,
+        added: int,
+        episodes: Callable[[int, int], Arrays],
+        index: Arrays,
+        shapes: dict[str, list[int]],
+    ) -> str:
+        """Write a new state on top of the one with `saved` episodes (0: none), in the same folder; return its name.
+
+        Without new episodes nothing is written, so that the save before this one stays.
+
+        Args:
+            saved: episodes added until the previous save.
+            oldest: number of the oldest episode still held; segments that end before it are dropped.
+            added: episodes added until now.
+            episodes: arrays of the episodes from a first number up to, not including, a last.
+            index: small arrays that are written whole.
+            shapes: for the manifest.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        previous = f"replay-{saved}.json"
+        if saved == added and (self.folder / previous).exists():
+            return previous
+        segments = self.manifest(previous)["segments"] if saved else []
+        segments = [segment for segment in segments if segment[1] > oldest]
+        first = max(saved, oldest)
+        if first < added:
+            self._write(f"episodes-{first}-{added}.npz", lambda file: np.savez(file, **episodes(first, added)))
+            segments.append([first, added])
+        name, index_name = f"replay-{added}.json", f"index-{added}.npz"
+        self._write(index_name, lambda file: np.savez(file, **index))
+        manifest = {"added": added, "segments": segments, "index": index_name, "shapes": shapes}
+        self._write(name, lambda file: file.write(json.dumps(manifest).encode()))
+        self._prune({name, previous})
+        return name
+
+    def manifest(self, name: str) -> dict[str, Any]:
+        """The manifest of a saved state: added, segments, index, shapes."""
+        return json.loads((self.folder / name).read_text())
+
+    def segment(self, first: int, end: int) -> Arrays:
+        """Arrays of the episodes first … end - 1, as they were saved together."""
+        return self.arrays(f"episodes-{first}-{end}.npz")
+
+    def arrays(self, name: str) -> Arrays:
+        """All arrays of a file."""
+        with np.load(self.folder / name, allow_pickle=False) as saved:
+            return dict(saved)
+
+    def _write(self, name: str, write: Callable[[BinaryIO], Any]) -> None:
+        """Write beside, then rename."""
+        partial = self.folder / f"{name}.partial"
+        with partial.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(self.folder / name)
+
+    def _prune(self, keep: set[str]) -> None:
+        """Delete all states but these, and what a killed save left."""
+        needed = set(keep)
+        for name in keep:
+            if (self.folder / name).exists():
+                manifest = self.manifest(name)
+                needed |= {manifest["index"], *(f"episodes-{a}-{b}.npz" for a, b in manifest["segments"])}
+        for pattern in ("replay-*", "index-*", "episodes-*"):
+            for path in self.folder.glob(pattern):
+                if path.name not in needed:
+                    path.unlink()

@@ -1,0 +1,13 @@
+"""How a run ends early."""
+
+
+class RunFailed(Exception):
+    """A run stopped because of a fault in it; one line. What was written and its last checkpoint are kept."""
+
+
+class Interrupted(Exception):
+    """A run stopped because it was asked to, after a checkpoint."""
+
+    def __init__(self, message: str, signal_number: int) -> None:
+        super().__init__(message)
+        self.signal_number = signal_number

@@ -1,0 +1,51 @@
+"""Files that are whole or absent, whatever happens while they are written."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+
+def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a file beside its place, then rename it: a kill or power cut at any moment leaves the old or the new one.
+
+    Raises OSError where there is no space or no right to write; the old file is kept and the attempt removed.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with open(partial, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make renames in a folder survive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_json(path: Path, values: Any) -> None:
+    """Replace a file by plain values as JSON; raises ValueError on NaN or infinity, OSError as `replace_file`."""
+    text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False)
+    replace_file(path, lambda file: file.write(text.encode() + b"\n"))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """An object from a JSON file; raises ValueError, naming the file, where it cannot be read or is something else."""
+    try:
+        values = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(f"cannot read {path}: {error}") from None
+    if not isinstance(values, dict):
+        raise ValueError(f"cannot read {path}: it does not hold a JSON object")
+    return values

@@ -1,0 +1,44 @@
+"""What `curiobench list` prints."""
+
+import numpy as np
+
+from curiobench.config import PRESET_LINES
+from curiobench.methods import sac
+from curiobench.methods.registry import available_specs, parse_spec
+from curiobench.tasks.goals import goal_space
+from curiobench.tasks.registration import TASKS, n_blocks_of
+
+ROBOT_LINES = {
+    "gripper": "a free-floating hand with the Fetch arm's fingers, several times faster",
+    "fetch": "the paper's arm (needs the extra `fetch`)",
+}
+"""One line on each robot."""
+
+
+def listing() -> str:
+    """Tasks, robots, methods and presets, with one line on each."""
+    sections = {
+        "tasks": {task: _task_line(task) for task in TASKS},
+        "robots": ROBOT_LINES,
+        "methods": {spec: _method_line(spec) for spec in available_specs()},
+        "presets": PRESET_LINES,
+    }
+    return "\n\n".join(
+        "\n".join([f"{title}:", *(f"  {name:<10}{line}" for name, line in lines.items())])
+        for title, lines in sections.items()
+    )
+
+
+def _task_line(task: str) -> str:
+    n_blocks = n_blocks_of(task)
+    if n_blocks == 5:
+        return "5 blocks, some 14,000 goals"  # enumerating them takes seconds
+    layers, counts = np.unique(goal_space(n_blocks).layers, return_counts=True)
+    parts = ", ".join(f"{count} of height {layer}" for layer, count in zip(layers, counts, strict=True))
+    return f"{n_blocks} blocks, {counts.sum()} goals: {parts}"
+
+
+def _method_line(spec: str) -> str:
+    """First line of the docstring of the method's class, or of the agent's module for `sac`."""
+    doc = parse_spec(spec).reward.__doc__ if parse_spec(spec).reward else sac.__doc__
+    return (doc or "").strip().splitlines()[0]

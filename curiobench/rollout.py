@@ -1,0 +1,75 @@
+"""Collecting episodes, in all worlds at once."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from curiobench.methods.sac import SAC, NonFiniteError
+from curiobench.replay import Episodes
+from curiobench.tasks.registration import EPISODE_STEPS
+
+if TYPE_CHECKING:
+    from curiobench.tasks import BatchedStacking
+
+
+def draw_goals(valid_goals: np.ndarray, reached: np.ndarray, size: int, generator: np.random.Generator) -> np.ndarray:
+    """Desired goals, uniform over those already reached.
+
+    Args:
+        valid_goals: `(G, bits)` all goals.
+        reached: `(G,)` bool, which of them an episode has ended in. While there is none, which is in the first rollout,
+            all valid goals are drawn from.
+        size: number of goals to draw.
+        generator: source of randomness.
+
+    Returns:
+        `(size, bits)`.
+    """
+    candidates = np.flatnonzero(reached) if reached.any() else np.arange(len(valid_goals))
+    return valid_goals[generator.choice(candidates, size)]
+
+
+def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, biased: bool) -> Episodes:
+    """One episode in every world, by the agent's stochastic policy.
+
+    Args:
+        worlds: N worlds; reset first, and left at the end of their episodes.
+        agent: chooses actions; it is asked once a step, for all worlds together.
+        goals: `(N, bits)` what each world's episode pursues.
+        biased: whether the episodes start biased towards stacks and a held block.
+
+    Returns:
+        N episodes, less those whose physics diverged: their world was reset half-way, which no action explains.
+
+    Raises:
+        NonFiniteError: an observation is NaN or infinite; names the step, the world and the entry.
+    """
+    seen = worlds.reset(biased=biased, goals=goals)
+    n, size, bits = *seen.observation.shape, goals.shape[1]
+    observation = np.empty((n, EPISODE_STEPS + 1, size), np.float32)
+    achieved = np.empty((n, EPISODE_STEPS + 1, bits), np.uint8)
+    actions = []
+    whole = np.ones(n, bool)
+    for step in range(EPISODE_STEPS + 1):
+        if step > 0:
+            actions.append(agent.act(seen.observation, seen.achieved_goal, seen.desired_goal))
+            seen, _ = worlds.step(actions[-1])
+            whole &= ~worlds.diverged
+        check_finite(seen.observation, step)
+        observation[:, step], achieved[:, step] = seen.observation, seen.achieved_goal
+    action = np.stack(actions, axis=1)
+    return Episodes(observation[whole], achieved[whole], action[whole], goals[whole])
+
+
+def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each episode ended in its desired goal, and whether it already held at the start: both `(N,)` bool."""
+    holds = (episodes.achieved_goal[:, [0, -1]] == episodes.desired_goal[:, None]).all(axis=-1)
+    return holds[:, 1], holds[:, 0]
+
+
+def check_finite(observation: np.ndarray, step: int) -> None:
+    """Raises NonFiniteError where an observation `(N, D)` of a step holds NaN or infinity."""
+    if not np.isfinite(observation).all():
+        world, entry = np.argwhere(~np.isfinite(observation))[0]
+        value = observation[world, entry]
+        raise NonFiniteError(f"step {step} of an episode: entry {entry} of world {world}'s observation is {value}")

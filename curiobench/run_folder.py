@@ -1,0 +1,203 @@
+"""The folder of a run: config.json, progress.csv, evaluations.csv, checkpoint/, result.json; see docs/training.md."""
+
+import csv
+import fcntl
+import io
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+from curiobench.config import CONFIG_VERSION, RunConfig, differences
+from curiobench.files import read_json, write_json
+
+FORMAT = "curiobench run"
+CSV_FILES = ("progress.csv", "evaluations.csv")
+PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
+"""Packages whose versions decide the numbers of a run, with Python's own."""
+
+
+class RunFolder:
+    """A run folder opened for training, locked against a second process; close it, or use it in a with statement."""
+
+    def __init__(self, path: Path, config: RunConfig, resume: bool, command: Sequence[str] = ()) -> None:
+        """
+        Args:
+            path: of the folder; created if it does not exist.
+            config: of the run.
+            resume: continue a run that is there already, of the same config; where there is none, start one.
+            command: the command line, for the record.
+
+        Raises ValueError where the folder cannot be written, is in use, finished, or holds something else.
+        """
+        self.path, self.config = path, config
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = _lock(path / ".lock")
+        except OSError as error:
+            raise ValueError(f"cannot write to {path}: {error.strerror}") from None
+        try:
+            self._claim(resume, command)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def checkpoint(self) -> Path:
+        """Folder of the checkpoints."""
+        return self.path / "checkpoint"
+
+    @property
+    def replay(self) -> Path:
+        """Folder of the replay's episodes that the checkpoints refer to."""
+        return self.checkpoint / "replay"
+
+    @property
+    def mapped_replay(self) -> Path:
+        """Folder of the memory-mapped replay, scratch space of the process."""
+        return self.path / "replay"
+
+    def _claim(self, resume: bool, command: Sequence[str]) -> None:
+        """Write config.json, or see that the one that is there allows this run."""
+        if (self.path / "result.json").exists():
+            raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
+        if (self.path / "config.json").exists():
+            if not resume:
+                raise ValueError(f"{self.path} exists; use --resume to continue it")
+            if found := differences(read_config(self.path), self.config):
+                raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
+        elif foreign := sorted(p.name for p in self.path.iterdir() if p.name != ".lock"):
+            raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
+        else:
+            self._write_config(command)
+
+    def _write_config(self, command: Sequence[str]) -> None:
+        record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
+        record |= {"versions": versions(), "command": list(command)}
+        record |= {"created": datetime.now(UTC).isoformat(timespec="seconds")}
+        try:
+            write_json(self.path / "config.json", record)
+        except OSError as error:
+            raise ValueError(f"cannot write to {self.path}: {error.strerror}") from None
+
+    def append(self, name: str, rows: Sequence[dict[str, Any]]) -> None:
+        """Add rows to a csv file, which gets the first row's names as its header. None becomes an empty field.
+
+        Raises ValueError where the names are not those of the header, OSError where there is no space.
+        """
+        path = self.path / name
+        names = list(rows[0])
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, names, lineterminator="\n")
+        if path.exists() and path.stat().st_size:
+            with open(path, newline="") as file:
+                header = next(csv.reader(file))
+            if header != names:
+                raise ValueError(f"{path} has the columns {header}; the new row has {names}")
+        else:
+            writer.writeheader()
+        writer.writerows(rows)
+        with open(path, "a") as file:
+            file.write(text.getvalue())
+            file.flush()
+            os.fsync(file.fileno())
+
+    def csv_sizes(self) -> dict[str, int]:
+        """Bytes in each csv file, for the checkpoint."""
+        paths = {name: self.path / name for name in CSV_FILES}
+        return {name: path.stat().st_size if path.exists() else 0 for name, path in paths.items()}
+
+    def truncate(self, sizes: dict[str, int]) -> None:
+        """Cut off rows written after a checkpoint, which are to come again.
+
+        Raises ValueError where a file is shorter than it was at the checkpoint.
+        """
+        for name in CSV_FILES:
+            path = self.path / name
+            found = path.stat().st_size if path.exists() else 0
+            if found < sizes[name]:
+                raise ValueError(f"{path} has {found} bytes, fewer than the {sizes[name]} it had at the checkpoint")
+            if found > sizes[name]:
+                os.truncate(path, sizes[name])
+
+    def write_result(self, result: dict[str, Any]) -> None:
+        """Write result.json, which marks the run as finished."""
+        write_json(self.path / "result.json", result)
+
+    def close(self) -> None:
+        """Let others use the folder."""
+        self._lock.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+def _lock(path: Path) -> io.TextIOWrapper:
+    """An open, locked file. The lock goes with the process, however it ends: a stale one cannot be left behind."""
+    file = open(path, "a+")  # noqa: SIM115 - stays open as long as the folder
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        holder = file.read().strip() or "unknown"
+        file.close()
+        raise ValueError(f"{path.parent} is already running, in process {holder}") from None
+    file.truncate(0)
+    file.write(f"{os.getpid()}\n")
+    file.flush()
+    return file
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """What config.json of a run folder holds; raises ValueError where there is none or it is not a run's."""
+    if not (path / "config.json").exists():
+        raise ValueError(
+            f"{path} is no run folder: {'it has no config.json' if path.is_dir() else 'it does not exist'}"
+        )
+    record = read_json(path / "config.json")
+    if record.get("format") != FORMAT:
+        raise ValueError(f"{path / 'config.json'} is not a run's: its format is {record.get('format')!r}")
+    return record
+
+
+def read_config(path: Path) -> RunConfig:
+    """The config of a run folder; raises ValueError as `read_record`, and where this version cannot read the config."""
+    record = read_record(path)
+    try:
+        return RunConfig.from_json(record.get("config"), record.get("config_version"))
+    except ValueError as error:
+        raise ValueError(f"{path / 'config.json'}: {error}") from None
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a csv file of a run, as text by column; none where it does not exist yet."""
+    if not path.exists():
+        return []
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of Python and of the packages that decide the numbers, and the git commit of this one if it has any."""
+    packages = {name: version(name) for name in PACKAGES}
+    return {"python": platform.python_version(), **packages, "git_commit": git_commit()}
+
+
+def git_commit() -> str | None:
+    """Commit of the working copy that this package is imported from, "-dirty" if altered; None where there is none."""
+    root = Path(__file__).resolve().parent.parent
+    if not (root / ".git").exists():
+        return None  # an installed package; a repository further up is not its own
+    command = ["git", "-C", str(root), "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.strip()

@@ -1,0 +1,31 @@
+"""The agent of a run's newest checkpoint, for those who only want to watch it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from curiobench import checkpoint
+from curiobench.config import RunConfig
+from curiobench.methods.process import tune_process
+from curiobench.methods.sac import SAC
+from curiobench.run_folder import read_config
+from curiobench.tasks.goals import goal_space
+from curiobench.tasks.registration import n_blocks_of
+from curiobench.training_state import build_agent
+
+
+def load_agent(path: Path) -> tuple[RunConfig, SAC]:
+    """The config and the agent of a run folder, whether the run is finished or not.
+
+    Raises ValueError where the folder is not a run's, has no checkpoint yet, or its checkpoint is damaged.
+    """
+    config = read_config(path)
+    tune_process(config.torch_threads)
+    folder = path / "checkpoint"
+    saved = checkpoint.load(folder, config.fingerprint())
+    if saved is None:
+        raise ValueError(f"{path} has no checkpoint yet")
+    agent = build_agent(config, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
+    with checkpoint.errors_named(folder):
+        agent.load_state_dict(saved[0])
+    return config, agent

@@ -1,0 +1,195 @@
+"""Training, top to bottom: epochs of cycles, each of which collects episodes and then learns from the replay."""
+
+import shutil
+import signal
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+from typing import Self
+
+from curiobench import checkpoint
+from curiobench.config import RunConfig
+from curiobench.display import Display
+from curiobench.errors import Interrupted, RunFailed
+from curiobench.evaluation import Evaluation, Evaluator
+from curiobench.figures import draw_learning_curve
+from curiobench.methods.process import tune_process
+from curiobench.records import progress_row, result
+from curiobench.run_folder import RunFolder, read_record, read_rows, versions
+from curiobench.tables import format_layers, last_evaluation, learned_by_layer
+from curiobench.tensorboard import TensorBoardLog
+from curiobench.training_state import TrainingState, check_device
+
+
+def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:
+    """Train, evaluate and report one run in its folder.
+
+    Args:
+        config: decides every number.
+        out: the run folder.
+        resume: continue what is there.
+        command: the command line, for the record.
+
+    Raises:
+        ValueError: nothing was begun: the folder is in use, finished, not writable or of another config, its checkpoint
+            is damaged, or this machine lacks the memory, the device or an extra.
+        RunFailed: NaN, a full disk, a fault in a method; `error.log` in the folder has the details.
+        Interrupted: on Ctrl-C or SIGTERM.
+    """
+    check_device(config.device)
+    tune_process(config.torch_threads)
+    with RunFolder(out, config, resume, command) as folder, StopRequest() as stop:
+        try:
+            run = Run(folder, config, stop)
+        except (OSError, MemoryError) as error:
+            raise ValueError(f"cannot begin {out}: {error}") from error
+        try:
+            run.to_the_end()
+        except (Interrupted, KeyboardInterrupt):
+            raise
+        except Exception as error:
+            raise RunFailed(f"{out}: {run.where}: {_first_line(error)}{_kept(out)}") from error
+        finally:
+            run.close()
+
+
+class Run:
+    """The loop, on one run folder."""
+
+    def __init__(self, folder: RunFolder, config: RunConfig, stop: "StopRequest") -> None:
+        """Builds worlds, agent and replay, and restores the newest checkpoint; raises ValueError if it is damaged."""
+        self.folder, self.config, self.stop = folder, config, stop
+        self.state = TrainingState(config, folder.mapped_replay)
+        self.evaluator = Evaluator(config.task, config.robot, config.episodes_per_goal, config.machine.threads)
+        self._restore()
+        first_epoch = self.state.counters.epoch + 1
+        tensorboard = folder.path / "tensorboard"
+        self.tensorboard = TensorBoardLog(tensorboard, first_epoch) if config.machine.tensorboard else None
+        self.display = Display(config)
+        if changed := _changed_versions(folder.path):
+            self.display.note(f"resumed under other versions, numbers may differ: {changed}")
+
+    def to_the_end(self) -> None:
+        """Train what is left of the epochs and write the result."""
+        counters, config = self.state.counters, self.config
+        if counters.steps == 0:
+            self._evaluate(epoch=0)
+        while counters.epoch < config.epochs:
+            while counters.cycle < config.cycles:
+                for _ in range(config.rollouts):
+                    self.state.collect()
+                self.state.learn()
+                counters.cycle += 1
+                self.display.cycle(counters)
+                self._stop_if_asked()
+            self._end_epoch()
+        self._finish()
+
+    @property
+    def where(self) -> str:
+        """The present epoch and cycle, for messages; the first are 1."""
+        return f"epoch {self.state.counters.epoch + 1}, cycle {self.state.counters.cycle + 1}"
+
+    def close(self) -> None:
+        """Give terminal and log files back."""
+        self.display.close()
+        if self.tensorboard:
+            self.tensorboard.close()
+
+    def _end_epoch(self) -> None:
+        """Evaluate, write the epoch's row and a checkpoint, each as often as the config says."""
+        config = self.config
+        epoch = self.state.counters.epoch + 1
+        last = epoch == config.epochs
+        evaluation = self._evaluate(epoch) if last or epoch % config.evaluate_every == 0 else None
+        row = progress_row(self.state, evaluation)
+        self.folder.append("progress.csv", [row])
+        self.display.epoch(row)
+        if self.tensorboard:
+            self.tensorboard.write(row)
+        self.state.end_epoch()
+        if last or epoch % config.machine.checkpoint_every == 0:
+            self._save()
+
+    def _evaluate(self, epoch: int) -> Evaluation:
+        with self.state.counters.timed("evaluating"):
+            evaluation = self.evaluator.evaluate(self.state.agent)
+        head = {"epoch": epoch, "steps": self.state.counters.steps}
+        self.folder.append("evaluations.csv", [head | row for row in evaluation.rows()])
+        self.display.evaluation(evaluation)
+        return evaluation
+
+    def _stop_if_asked(self) -> None:
+        if self.stop.signal_number is not None:
+            self._save()
+            message = f"stopped in epoch {self.state.counters.epoch + 1} after a checkpoint"
+            raise Interrupted(f"{message}; continue {self.folder.path} with --resume", self.stop.signal_number)
+
+    def _save(self) -> None:
+        path = self.folder.checkpoint
+        with self.state.counters.timed("checkpointing"):
+            values = self.state.save(self.folder.replay) | {"csv_sizes": self.folder.csv_sizes()}
+            checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
+
+    def _restore(self) -> None:
+        """Take up the newest checkpoint, or begin; rows of the csv files that came after it are cut off."""
+        path = self.folder.checkpoint
+        saved = checkpoint.load(path, self.config.fingerprint())
+        if saved is None:
+            self.folder.truncate(dict.fromkeys(self.folder.csv_sizes(), 0))
+            return
+        agent, values = saved
+        with checkpoint.errors_named(path):
+            self.state.load(self.folder.replay, agent, values)
+            self.folder.truncate(values["csv_sizes"])
+
+    def _finish(self) -> None:
+        """Draw the learning curve, write result.json, print the table, and delete the replay, which has served."""
+        rows = read_rows(self.folder.path / "evaluations.csv")
+        picture = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
+        self.folder.write_result(result(self.state, rows))
+        self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
+        self.display.note(f"learning curve: {picture}\nresult: {self.folder.path / 'result.json'}")
+        for episodes in (self.folder.replay, self.folder.mapped_replay):
+            shutil.rmtree(episodes, ignore_errors=True)
+
+
+class StopRequest:
+    """Turns the first Ctrl-C or SIGTERM into a request to stop at the next checkpoint; a second one stops at once."""
+
+    def __init__(self) -> None:
+        self.signal_number: int | None = None
+
+    def __enter__(self) -> Self:
+        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.signal_number = number
+        signal.signal(number, self._before[number])
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def _changed_versions(path: Path) -> str:
+    """What is not of the version that the run was started under, as text; empty if all is."""
+    then = read_record(path)["versions"]
+    return ", ".join(f"{name} {now}, was {then.get(name)}" for name, now in versions().items() if then.get(name) != now)
+
+
+def _kept(out: Path) -> str:
+    """Write the traceback to error.log, if the disk takes it, and say what is kept."""
+    kept = "; the last checkpoint is kept" if (out / "checkpoint").exists() else ""
+    with suppress(OSError):
+        (out / "error.log").write_text(traceback.format_exc())
+        return f"{kept}; details in {out / 'error.log'}"
+    return kept
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

@@ -1,0 +1,58 @@
+"""Arguments of `curiobench train`: every field of `RunConfig` is a flag, and a preset gives their defaults."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from curiobench.arguments import parse
+from curiobench.config import PRESET_NAMES, PRESETS, RunConfig
+from curiobench.run_folder import read_config
+from curiobench.tasks.registration import check_name
+
+
+@dataclass(frozen=True)
+class TrainArguments:
+    """Train one run and leave everything about it in a folder.
+
+    Every number of the run is decided by the options below; config.json in the folder keeps them. The run may be
+    stopped or killed at any time: with --resume it continues from its last checkpoint and ends as if nothing had
+    happened.
+    """
+
+    out: Path
+    """Run folder."""
+    config: Annotated[RunConfig, tyro.conf.arg(name="")]
+    resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Continue the run in this folder, with its own config; begin one if there is none yet."""
+
+
+def parse_train(arguments: Sequence[str]) -> TrainArguments:
+    """Arguments of a training run.
+
+    Defaults are those of the preset that `--preset` names, or of the folder's own config where `--resume` finds one.
+
+    Raises:
+        ValueError: an unknown preset, an illegal value, or arguments that are not understood; one line.
+        SystemExit: on `--help`, after showing it.
+    """
+    preset, out = _last_value(arguments, "--preset"), _last_value(arguments, "--out")
+    if "--resume" in arguments and out and (Path(out) / "config.json").exists():
+        defaults = read_config(Path(out))
+    else:
+        defaults = PRESETS[check_name("preset", preset or "laptop", PRESET_NAMES)]
+    return parse(TrainArguments, "train", arguments, TrainArguments(out=tyro.MISSING, config=defaults))
+
+
+def _last_value(arguments: Sequence[str], flag: str) -> str | None:
+    """What follows a flag, as `--flag value` or `--flag=value`, where it stands last."""
+    found = None
+    for argument, following in pairwise([*arguments, None]):
+        if argument == flag:
+            found = following
+        elif argument.startswith(f"{flag}="):
+            found = argument.removeprefix(f"{flag}=")
+    return found

@@ -1,0 +1,188 @@
+"""Everything that training changes: worlds, agent, replay, random streams and counters; saved and restored together."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from curiobench.config import RunConfig
+from curiobench.methods.networks import PairLayout
+from curiobench.methods.registry import make_agent
+from curiobench.methods.reward import Batch
+from curiobench.methods.sac import SAC, NonFiniteError
+from curiobench.replay import EpisodeReplay, Episodes
+from curiobench.rollout import collect, draw_goals, successes
+from curiobench.tasks import BatchedStacking
+from curiobench.tasks.goals import GoalSpace
+from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
+from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.stacking import ACTION_SIZE
+
+STREAMS = ("worlds", "goals", "replay", "agent")
+"""Random streams of a run, spawned from its seed by position: append only, or every run changes."""
+
+
+@dataclass
+class Counters:
+    """Where training stands, and the sums that the next row of progress.csv is made of. Plain values only."""
+
+    epoch: int = 0
+    """Epochs completed."""
+    cycle: int = 0
+    """Cycles completed of the present epoch."""
+    steps: int = 0
+    """Steps collected, in all worlds together."""
+    updates: int = 0
+    """Gradient updates made."""
+    sums: dict[str, float] = field(default_factory=dict)
+    """Sums over the present epoch of what `collect` counts; by name."""
+    metrics: dict[str, float] = field(default_factory=dict)
+    """Sums over the present epoch's updates of what the agent reports; by name."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall-clock seconds since training began, by what they went into."""
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """Count the time that a block of code takes under `part`."""
+        started = time.perf_counter()
+        yield
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - started
+
+
+def pair_layout(goal_space: GoalSpace) -> PairLayout:
+    """Where the networks find blocks and predicate bits of a task."""
+    pairs = tuple((p.i, p.j, p.close, p.on_ij, p.on_ji) for p in goal_space.pairs)
+    return PairLayout(goal_space.n_blocks, pairs, BODY_SIZE, BLOCK_SIZE, ACTION_SIZE)
+
+
+def check_device(device: str) -> None:
+    """Raises ValueError where this machine does not have a device."""
+    name, _, number = device.partition(":")
+    if name == "cuda" and int(number or 0) >= torch.cuda.device_count():
+        raise ValueError(
+            f"device {device!r} is not available: torch finds {torch.cuda.device_count()} CUDA devices here"
+        )
+
+
+def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> SAC:
+    """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
+    check_device(config.device)
+    generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
+    return make_agent(config.method, pair_layout(goal_space), config.sac, generator)
+
+
+class TrainingState:
+    """A run in progress.
+
+    Attributes:
+        agent: learns and acts.
+        replay: the episodes it learns from.
+        counters: where training stands.
+        reached: `(G,)` bool, the valid goals that an episode has ever ended in.
+    """
+
+    def __init__(self, config: RunConfig, mapped_replay: Path) -> None:
+        """
+        Args:
+            config: of the run.
+            mapped_replay: folder for the memory-mapped replay, if the config asks for one.
+        """
+        self.config, self.counters = config, Counters()
+        streams = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
+        self._generators = {name: np.random.default_rng(streams[name]) for name in ("goals", "replay")}
+        self._worlds = BatchedStacking(
+            config.task, config.worlds, config.robot, config.machine.threads, streams["worlds"]
+        )
+        self._goal_space = self._worlds.goal_space
+        self.reached = np.zeros(len(self._goal_space), bool)
+        self.agent = build_agent(config, self._goal_space, streams["agent"])
+        self.replay = EpisodeReplay(
+            config.replay,
+            valid_goals=self._goal_space.goals,
+            compute_reward=self._worlds.compute_reward,
+            steps=EPISODE_STEPS,
+            observation_size=self._worlds.observation_size,
+            action_size=ACTION_SIZE,
+            folder=mapped_replay if config.machine.replay_on_disk else None,
+        )
+
+    def collect(self) -> None:
+        """One episode in every world, into the replay, the normalisers and the set of reached goals."""
+        size = self.config.worlds
+        goals = draw_goals(self._goal_space.goals, self.reached, size, self._generators["goals"])
+        biased = self.counters.epoch >= self.config.biased_from_epoch
+        with self.counters.timed("collecting"):
+            episodes = collect(self._worlds, self.agent, goals, biased)
+        self.replay.add(episodes)
+        desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
+        self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
+        ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
+        self.reached[ends[ends >= 0]] = True
+        self.counters.steps += size * EPISODE_STEPS
+        self._count(episodes)
+
+    def _count(self, episodes: Episodes) -> None:
+        success, satisfied = successes(episodes)
+        for name, number in (
+            ("episodes", self.config.worlds),
+            ("diverged", self.config.worlds - len(success)),
+            ("success", success.sum()),
+            ("unsatisfied", (~satisfied).sum()),
+            ("success_unsatisfied", success[~satisfied].sum()),
+        ):
+            self.counters.sums[name] = self.counters.sums.get(name, 0) + int(number)
+
+    def learn(self) -> None:
+        """The gradient updates of a cycle. Raises NonFiniteError where a loss or a metric is NaN or infinite."""
+        totals: dict[str, torch.Tensor] = {}
+        for _ in range(self.config.updates):
+            with self.counters.timed("sampling"):
+                batch = Batch.from_numpy(self.replay.sample(self.config.batch_size, self._generators["replay"]))
+            with self.counters.timed("updating"):
+                metrics = self.agent.update(batch, self.counters.epoch)
+                # summed as tensors: reading each one would make a GPU wait
+                totals = {name: value + totals.get(name, 0) for name, value in metrics.items()}
+        for name, total in totals.items():
+            if not torch.isfinite(total):
+                raise NonFiniteError(f"updates {self.counters.updates} and following: {name} is {float(total)}")
+            self.counters.metrics[name] = self.counters.metrics.get(name, 0.0) + float(total)
+        self.counters.updates += self.config.updates
+
+    def end_epoch(self) -> None:
+        """Count an epoch and start the sums of the next."""
+        self.counters.epoch += 1
+        self.counters.cycle = 0
+        self.counters.sums.clear()
+        self.counters.metrics.clear()
+
+    def save(self, folder: Path) -> dict[str, Any]:
+        """All but the agent: the replay's new episodes go to `folder`, the rest is returned as plain values for JSON.
+
+        The worlds' positions are not kept: a checkpoint is taken between episodes, and `collect` begins with a reset.
+        """
+        return {
+            "replay": self.replay.save(folder),
+            "counters": asdict(self.counters),
+            "reached": self.reached.tolist(),
+            "worlds": {"rng": self._worlds.rng.bit_generator.state, "divergences": self._worlds.divergences},
+            "generators": {name: g.bit_generator.state for name, g in self._generators.items()},
+        }
+
+    def load(self, folder: Path, agent: dict[str, Any], values: dict[str, Any]) -> None:
+        """Take up where the agent's `state_dict` and what `save` returned were taken.
+
+        Raises KeyError, TypeError, ValueError, RuntimeError or OSError where they are damaged or of another run.
+        """
+        self.counters = Counters(**values["counters"])
+        self.reached[:] = values["reached"]
+        self._worlds.rng.bit_generator.state = values["worlds"]["rng"]
+        self._worlds.divergences = values["worlds"]["divergences"]
+        for name, generator in self._generators.items():
+            generator.bit_generator.state = values["generators"][name]
+        self.agent.load_state_dict(agent)
+        self.replay.load(folder, values["replay"])

@@ -1,0 +1,84 @@
+"""Fixed buffers for a batch, and on CUDA the capture of an update that reads them as one graph."""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.networks import PairLayout
+from curiobench.methods.reward import Batch
+
+WARM_UP = 3
+"""Updates that run plainly before the capture, so that optimiser state and workspaces exist."""
+
+
+class StaticBatch:
+    """A batch in float32 buffers that stay at one address, laid out as the encoder reads them."""
+
+    def __init__(self, layout: PairLayout, size: int, device: torch.device) -> None:
+        """
+        Args:
+            layout: sizes of observations, goals and actions.
+            size: B, the number of transitions.
+            device: where the buffers live.
+        """
+        self.size = size
+        self.rows = torch.empty((2, size, layout.observation_size + 2 * layout.goal_size), device=device)
+        """[observation | achieved | desired] before and after the step."""
+        self.action = torch.empty((size, layout.action_size), device=device)
+        self.reward = torch.empty(size, device=device)
+        """r_ext; becomes r_ext + tau · n(r_int)."""
+        parts = (layout.observation_size, layout.goal_size, layout.goal_size)
+        self.observation, self.achieved_goal, self.desired_goal = self.rows.split(parts, dim=2)
+
+    def load(self, batch: Batch) -> None:
+        """Copy a batch of the same size in, whatever its numeric types."""
+        self.observation[0].copy_(batch.observation)
+        self.observation[1].copy_(batch.next_observation)
+        self.achieved_goal[0].copy_(batch.achieved_goal)
+        self.achieved_goal[1].copy_(batch.next_achieved_goal)
+        self.desired_goal.copy_(batch.desired_goal)
+        self.action.copy_(batch.action)
+        self.reward.copy_(batch.reward)
+
+
+class CapturedStep:
+    """Calls `step`, a function of fixed buffers; on CUDA, from the fourth call on, replays its graph instead.
+
+    What `step` returns lies in the graph's memory there and is copied. On a CPU this is a plain call. The CUDA branch
+    has not been run: no GPU was at hand when it was written. What a CPU can test, and a test does, is that `step` reads
+    nothing but fixed buffers and the agent's state.
+    """
+
+    def __init__(self, step: Callable[[], dict[str, Tensor]], generator: torch.Generator) -> None:
+        """
+        Args:
+            step: the work; must not depend on values of tensors in Python.
+            generator: the source of its random numbers.
+        """
+        self.step, self.generator, self.calls = step, generator, 0
+        self.graph: torch.cuda.CUDAGraph | None = None
+        self.result: dict[str, Tensor] = {}
+
+    def __call__(self) -> dict[str, Tensor]:
+        self.calls += 1
+        if self.generator.device.type != "cuda":
+            return self.step()
+        if self.calls <= WARM_UP:
+            return self._beside_the_default_stream()
+        if self.graph is None:
+            self.graph = torch.cuda.CUDAGraph()
+            self.graph.register_generator_state(self.generator)
+            with torch.cuda.graph(self.graph):
+                self.result = self.step()
+        self.graph.replay()
+        return {name: value.clone() for name, value in self.result.items()}
+
+    def _beside_the_default_stream(self) -> dict[str, Tensor]:
+        """Warm-up has to run on another stream than the default one, says torch.cuda.graph's documentation."""
+        stream = torch.cuda.Stream()
+        stream.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(stream):
+            result = self.step()
+        torch.cuda.current_stream().wait_stream(stream)
+        return result

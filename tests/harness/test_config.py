@@ -1,0 +1,123 @@
+"""Configs: legal values, JSON, presets, and the command line that is made of them."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from curiobench.config import CONFIG_VERSION, PRESET_LINES, PRESET_NAMES, PRESETS, MachineConfig, RunConfig, differences
+from curiobench.train_arguments import parse_train
+
+
+@pytest.mark.parametrize("name", PRESET_NAMES)
+def test_survives_json(name):
+    config = PRESETS[name]
+    assert config.preset == name
+    assert RunConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+    assert PRESET_LINES[name]
+
+
+def test_paper_preset_has_the_papers_scale():
+    paper = PRESETS["paper"]
+    assert paper.epochs * paper.cycles * paper.worlds * paper.rollouts * 50 == 40_000_000
+
+
+def altered(path, value):
+    values = PRESETS["smoke"].to_json()
+    *outer, last = path.split(".")
+    inner = values
+    for name in outer:
+        inner = inner[name]
+    inner[last] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (altered("sac.gama", 1), r"unknown config field sac\.gama"),
+        (altered("epochs", "5"), "config field epochs is '5'; expected int"),
+        (altered("epochs", True), "config field epochs is True; expected int"),
+        (altered("epochs", 0), "epochs is 0; it must be at least 1"),
+        (altered("sac.pairs", "both"), r"sac\.pairs is 'both'; expected 'symmetric' or 'oriented'"),
+        (altered("replay", 3), "config replay is 3; expected an object"),
+        (altered("replay.satisfied_cap", 2), r"satisfied_cap is 2"),
+        (altered("task", "stack9"), "unknown task 'stack9'"),
+        ({name: value for name, value in PRESETS["smoke"].to_json().items() if name != "seed"}, "missing .* seed"),
+        ([], "expected an object"),
+    ],
+)
+def test_refuses_what_is_not_a_config(values, message):
+    with pytest.raises(ValueError, match=message):
+        RunConfig.from_json(values)
+
+
+@pytest.mark.parametrize("version", [CONFIG_VERSION - 1, CONFIG_VERSION + 1, None, "1"])
+def test_refuses_other_versions(version):
+    with pytest.raises(ValueError, match=f"version {version!r}"):
+        RunConfig.from_json(PRESETS["smoke"].to_json(), version)
+
+
+def test_integers_may_stand_for_floats_and_none_for_no_cap():
+    assert RunConfig.from_json(altered("sac.tau", 1)).sac.tau == 1
+    assert RunConfig.from_json(altered("replay.satisfied_cap", None)).replay.satisfied_cap is None
+
+
+@pytest.mark.parametrize(
+    "change", [{"worlds": -1}, {"seed": -1}, {"batch_size": 0}, {"device": "tpu"}, {"method": "scc"}, {"robot": "arm"}]
+)
+def test_refuses_illegal_values(change):
+    (name,) = change
+    with pytest.raises(ValueError, match=name):
+        replace(PRESETS["smoke"], **change)
+
+
+def test_machine_settings_decide_nothing():
+    smoke = PRESETS["smoke"]
+    other = replace(smoke, machine=MachineConfig(threads=4, checkpoint_every=3))
+    assert differences(smoke, other) == []
+    assert smoke.fingerprint() == other.fingerprint()
+    changed = replace(smoke, epochs=9, sac=replace(smoke.sac, gamma=0.5))
+    assert differences(smoke, changed) == ["epochs is 5, not 9", "sac.gamma is 0.95, not 0.5"]
+    assert smoke.fingerprint() != changed.fingerprint()
+
+
+def test_flags_override_the_preset():
+    arguments = "--out x --preset smoke --epochs 7 --sac.gamma 0.9 --replay.satisfied-cap None --sac.tune-temperature"
+    parsed = parse_train(arguments.split())
+    smoke = PRESETS["smoke"]
+    expected = replace(
+        smoke,
+        epochs=7,
+        sac=replace(smoke.sac, gamma=0.9, tune_temperature=True),
+        replay=replace(smoke.replay, satisfied_cap=None),
+    )
+    assert parsed.config == expected
+    assert not parsed.resume
+
+
+def test_the_laptop_preset_is_the_default():
+    assert parse_train(["--out", "x"]).config == PRESETS["laptop"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "--out"),
+        ("--out x --sac.gama 1", r"--sac\.gama.*perhaps you meant --sac\.gamma"),
+        ("--out x --epochs five", "--epochs.*five"),
+        ("--out x --sac.pairs both", "both.*symmetric"),
+        ("--out x --preset big", "unknown preset 'big'"),
+        ("--out x --resume False", "False"),
+    ],
+)
+def test_arguments_that_are_not_understood_take_one_line(arguments, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        parse_train(arguments.split())
+    assert "\n" not in str(refused.value)
+
+
+def test_resuming_takes_the_folders_own_config(finished):
+    config = parse_train(["--out", str(finished), "--resume"]).config
+    assert config.epochs == 3
+    assert parse_train([f"--out={finished}", "--resume", "--epochs", "9"]).config == replace(config, epochs=9)

@@ -1,0 +1,245 @@
+"""Replay: relabelled rewards by hand, goal-balanced drawing, the cap, the ring, and saves that survive a kill."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiobench import episode_files
+from curiobench.replay import EpisodeReplay, Episodes, GoalIndex, ReplayConfig
+
+STEPS, SIZE, ACTIONS = 4, 3, 2
+GOALS = np.array([[0, 0], [1, 0], [1, 1]], np.uint8)
+
+
+def compute_reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> np.ndarray:
+    return (achieved == desired).all(-1).astype(np.float32)
+
+
+def replay_of(capacity: int = 8, folder=None, **config) -> EpisodeReplay:
+    config = ReplayConfig(**{"capacity": capacity, **config})
+    return EpisodeReplay(config, GOALS, compute_reward, STEPS, SIZE, ACTIONS, folder)
+
+
+def episodes_of(numbers: list[int], finals: list[tuple[int, int]]) -> Episodes:
+    """Episodes whose every number tells where it stands: observation 100 · episode + step. Goal 00 until the end."""
+    n, steps = len(numbers), np.arange(STEPS + 1)
+    achieved = np.zeros((n, STEPS + 1, 2), np.uint8)
+    achieved[:, -1] = finals
+    place = 100 * np.array(numbers)[:, None] + steps
+    observation = np.repeat(place[:, :, None], SIZE, axis=2)
+    return Episodes(observation, achieved, np.repeat(place[:, :-1, None] / 1e4, ACTIONS, axis=2), achieved[:, 0])
+
+
+def filled(episodes: int, capacity: int = 8, **config) -> EpisodeReplay:
+    replay = replay_of(capacity, **config)
+    for k in range(episodes):
+        replay.add(episodes_of([k], [tuple(GOALS[k % 3])]))
+    return replay
+
+
+def same(first: dict[str, np.ndarray], second: dict[str, np.ndarray]) -> bool:
+    return all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_relabelled_rewards_of_a_hand_made_episode():
+    """Bits 00, 10, 10, 11, 00 at steps 0 … 4, pursuing 11; every goal must be one achieved at a later step."""
+    achieved = np.array([[[0, 0], [1, 0], [1, 0], [1, 1], [0, 0]]], np.uint8)
+    base = episodes_of([0], [(0, 0)])
+    replay = replay_of(relabel_share=1.0)
+    replay.add(Episodes(base.observation, achieved, base.action, np.array([[1, 1]])))
+    batch = replay.sample(4000, np.random.default_rng(0))
+    step = batch["observation"][:, 0].astype(int)
+    future = {0: {"10": 2, "11": 1, "00": 1}, 1: {"10": 1, "11": 1, "00": 1}, 2: {"11": 1, "00": 1}, 3: {"00": 1}}
+    for t, expected in future.items():
+        goals, counts = np.unique(
+            [f"{first}{second}" for first, second in batch["desired_goal"][step == t]], return_counts=True
+        )
+        share = dict(zip(goals, counts / counts.sum(), strict=True))
+        assert share.keys() == expected.keys()
+        assert all(abs(share[g] - expected[g] / sum(expected.values())) < 0.06 for g in share)
+    np.testing.assert_array_equal(batch["next_achieved_goal"], achieved[0, step + 1])
+    by_hand = (achieved[0, step + 1] == batch["desired_goal"]).all(1)
+    np.testing.assert_array_equal(batch["reward"], by_hand.astype(np.float32))
+    assert 0.3 < batch["reward"].mean() < 0.9
+
+
+def test_without_relabelling_the_pursued_goal_stays():
+    replay = replay_of(relabel_share=0.0)
+    base = episodes_of([0], [(1, 1)])
+    replay.add(Episodes(base.observation, base.achieved_goal, base.action, np.array([[1, 0]])))
+    batch = replay.sample(50, np.random.default_rng(0))
+    assert (batch["desired_goal"] == [1, 0]).all()
+    assert not batch["reward"].any()
+
+
+def test_relabelled_share():
+    base = episodes_of([0], [(1, 1)])
+    replay = replay_of(relabel_share=0.8)
+    replay.add(Episodes(base.observation, base.achieved_goal, base.action, np.array([[0, 1]])))  # never achieved
+    batch = replay.sample(5000, np.random.default_rng(0))
+    assert abs((batch["desired_goal"] != [0, 1]).any(1).mean() - 0.8) < 0.02
+
+
+def test_samples_are_whole_transitions_contiguous_and_typed():
+    batch = filled(11).sample(64, np.random.default_rng(0))
+    place = batch["observation"][:, 0]
+    assert (place // 100 >= 3).all()  # episodes 0 to 2 were overwritten
+    np.testing.assert_array_equal(batch["next_observation"], batch["observation"] + 1)
+    np.testing.assert_allclose(batch["action"][:, 0], place / 1e4, rtol=1e-6)
+    assert all(array.flags.c_contiguous and len(array) == 64 for array in batch.values())
+    assert {name: array.dtype.name for name, array in batch.items()} == {
+        "observation": "float32",
+        "action": "float32",
+        "next_observation": "float32",
+        "achieved_goal": "uint8",
+        "next_achieved_goal": "uint8",
+        "desired_goal": "uint8",
+        "reward": "float32",
+    }
+
+
+def test_goals_are_balanced_and_only_valid_ones_drawn():
+    replay = replay_of(capacity=20)
+    replay.add(episodes_of(list(range(10)), [(0, 0)] * 7 + [(1, 1)] + [(0, 1)] * 2))  # 01 is not a valid goal
+    assert replay.reached_goals.tolist() == [[0, 0], [1, 1]]
+    episode = replay.sample(4000, np.random.default_rng(0))["observation"][:, 0] // 100
+    assert abs((episode == 7).mean() - 0.5) < 0.03
+    assert (episode < 8).all()
+    unbalanced = replay_of(capacity=20, balance_goals=False)
+    unbalanced.add(episodes_of(list(range(10)), [(0, 0)] * 10))
+    episode = unbalanced.sample(4000, np.random.default_rng(0))["observation"][:, 0] // 100
+    assert np.allclose(np.bincount(episode.astype(int), minlength=10) / 4000, 0.1, atol=0.02)
+
+
+@pytest.mark.parametrize("cap", [0.0, 0.3, 1.0])
+def test_cap_on_transitions_whose_goal_already_holds(cap):
+    def share(config: dict) -> float:
+        batch = filled(8, **config).sample(500, np.random.default_rng(1))
+        return compute_reward(batch["achieved_goal"], batch["desired_goal"], None).mean()
+
+    free, capped = share({}), share({"satisfied_cap": cap})
+    assert capped <= cap + 1e-9
+    assert abs(capped - min(free, cap)) < 0.07
+
+
+def test_cap_gives_way_when_every_goal_already_holds():
+    replay = replay_of(satisfied_cap=0.1)
+    replay.add(episodes_of([0, 1], [(0, 0), (0, 0)]))
+    batch = replay.sample(30, np.random.default_rng(0))
+    assert len(batch["reward"]) == 30
+    assert batch["reward"].all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 6), st.lists(st.integers(-1, 2), min_size=1, max_size=30), st.integers(0, 29))
+def test_goal_index_equals_a_list_of_the_ring(capacity, goals, restore_at):
+    index, ring = GoalIndex(3, capacity), [-1] * capacity
+    for k, goal in enumerate(goals):
+        index.remove(k % capacity)
+        index.add(k % capacity, goal)
+        ring[k % capacity] = goal
+        if k == restore_at:
+            fresh = GoalIndex(3, capacity)
+            fresh.restore(index.goal_of, index.position)
+            index = fresh
+        for g in range(3):
+            members = index.members[g, : index.counts[g]].tolist()
+            assert sorted(members) == [slot for slot, held in enumerate(ring) if held == g]
+
+
+def test_same_generator_same_samples():
+    first, second = filled(11, satisfied_cap=0.3), filled(11, satisfied_cap=0.3)
+    assert same(first.sample(40, np.random.default_rng(3)), second.sample(40, np.random.default_rng(3)))
+
+
+def test_memory_mapped_replay_is_the_same(tmp_path):
+    mapped, plain = replay_of(folder=tmp_path / "arrays"), replay_of()
+    for replay in (mapped, plain):
+        for k in range(11):
+            replay.add(episodes_of([k], [(1, 1)]))
+    assert isinstance(mapped.arrays["observation"], np.memmap)
+    assert same(mapped.sample(40, np.random.default_rng(3)), plain.sample(40, np.random.default_rng(3)))
+
+
+@pytest.mark.parametrize("save_every", [1, 3, 5])
+def test_saved_replay_continues_to_the_bit(tmp_path, save_every):
+    original = replay_of()
+    for k in range(23):
+        original.add(episodes_of([k, k + 100], [tuple(GOALS[k % 3]), tuple(GOALS[k % 2])]))
+        if k % save_every == 0:
+            name = original.save(tmp_path)
+            restored = replay_of()
+            restored.load(tmp_path, name)
+            assert restored.added == original.added
+            if k == 12:  # go on with the restored one
+                original = restored
+            samples = [r.sample(30, np.random.default_rng(k)) for r in (original, restored)]
+            assert same(*samples)
+    held = sum(path.stat().st_size for path in tmp_path.glob("episodes-*"))
+    assert held < 40 * sum(array[0].nbytes for array in original.arrays.values()) + 20_000
+
+
+def test_a_save_writes_only_what_is_new(tmp_path):
+    replay = filled(5)
+    replay.save(tmp_path)
+    replay.add(episodes_of([5], [(1, 1)]))
+    replay.save(tmp_path)
+    assert replay.save(tmp_path) == "replay-6.json"
+    assert sorted(path.name for path in tmp_path.glob("episodes-*")) == ["episodes-0-5.npz", "episodes-5-6.npz"]
+
+
+def test_a_kill_at_any_moment_of_a_save_leaves_the_previous_one(tmp_path, monkeypatch):
+    """Every rename is a moment; the kill is an exception that the save cannot expect."""
+    replace = episode_files.Path.replace
+    for moment in range(4):
+        folder = tmp_path / str(moment)
+        replay, calls = filled(7), []
+        name = replay.save(folder)
+        expected = replay.sample(20, np.random.default_rng(0))
+        replay.add(episodes_of([7, 8, 9], [(1, 1)] * 3))
+
+        def dies(path, target, calls=calls, moment=moment):
+            calls.append(path)
+            if len(calls) > moment:
+                raise KeyboardInterrupt
+            return replace(path, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(episode_files.Path, "replace", dies)
+            if moment < 3:
+                with pytest.raises(KeyboardInterrupt):
+                    replay.save(folder)
+            else:
+                replay.save(folder)  # three renames: episodes, index, manifest
+        restored = replay_of()
+        restored.load(folder, name)
+        assert same(restored.sample(20, np.random.default_rng(0)), expected)
+        restored.add(episodes_of([7, 8], [(1, 1)] * 2))  # and it can be saved over what the kill left
+        again = replay_of()
+        again.load(folder, restored.save(folder))
+        assert again.added == 9
+        assert not list(folder.glob("*.partial"))
+
+
+def test_bad_input_is_named(tmp_path):
+    replay = replay_of()
+    with pytest.raises(ValueError, match="empty"):
+        replay.sample(4, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="9 episodes do not fit"):
+        replay.add(episodes_of(list(range(9)), [(0, 0)] * 9))
+    broken = episodes_of([0, 1], [(0, 0)] * 2)
+    wrong = Episodes(broken.observation[:, :-1], broken.achieved_goal, broken.action, broken.desired_goal)
+    with pytest.raises(ValueError, match=r"observation has shape \(2, 4, 3\); expected \(2, 5, 3\)"):
+        replay.add(wrong)
+    action = broken.action.copy()
+    action[1, 2, 0] = np.nan
+    with pytest.raises(ValueError, match="action of episode 1 is not finite"):
+        replay.add(Episodes(broken.observation, broken.achieved_goal, action, broken.desired_goal))
+    assert len(replay) == 0
+    name = filled(3).save(tmp_path)
+    with pytest.raises(ValueError, match="holds shapes"):
+        replay_of(capacity=9).load(tmp_path, name)
+    for wrong_config in ({"capacity": 0}, {"relabel_share": 1.5}, {"satisfied_cap": -0.1}):
+        with pytest.raises(ValueError, match=next(iter(wrong_config))):
+            ReplayConfig(**wrong_config)

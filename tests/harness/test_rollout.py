@@ -1,0 +1,105 @@
+"""Collecting: which goals are pursued, what an episode holds, and what stops it."""
+
+import numpy as np
+import pytest
+from tiny_runs import TINY
+
+from curiobench.methods.sac import NonFiniteError
+from curiobench.rollout import collect, draw_goals, successes
+from curiobench.tasks import BatchedStacking
+from curiobench.training_state import TrainingState
+
+
+class Still:
+    """An agent that does nothing; it remembers what it was asked."""
+
+    def __init__(self):
+        self.calls = []
+
+    def act(self, observation, achieved_goal, desired_goal, deterministic=False):
+        self.calls.append((observation, deterministic))
+        return np.zeros((len(observation), 4), np.float32)
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    return BatchedStacking("stack2", 3, seed=0)
+
+
+def test_goals_are_uniform_over_those_reached():
+    goals = np.eye(4, dtype=np.float32)
+    drawn = draw_goals(goals, np.array([False, True, False, True]), 4000, np.random.default_rng(0))
+    assert drawn.mean(axis=0) == pytest.approx([0, 0.5, 0, 0.5], abs=0.03)
+
+
+def test_before_any_goal_is_reached_all_are_drawn():
+    drawn = draw_goals(np.eye(4, dtype=np.float32), np.zeros(4, bool), 4000, np.random.default_rng(0))
+    assert drawn.mean(axis=0) == pytest.approx([0.25] * 4, abs=0.03)
+
+
+def test_an_episode_holds_what_the_agent_saw_and_did(worlds):
+    agent, goals = Still(), worlds.goal_space.goals[[0, 1, 2]]
+    episodes = collect(worlds, agent, goals, biased=False)
+    assert episodes.observation.shape == (3, 51, worlds.observation_size)
+    assert episodes.achieved_goal.shape == (3, 51, 3)
+    assert episodes.action.shape == (3, 50, 4)
+    assert len(agent.calls) == 50
+    assert not any(deterministic for _, deterministic in agent.calls)
+    np.testing.assert_array_equal(episodes.observation[:, :50].swapaxes(0, 1), [seen for seen, _ in agent.calls])
+    np.testing.assert_array_equal(episodes.observation[:, 50], worlds.observe().observation)
+    np.testing.assert_array_equal(episodes.achieved_goal[:, 50], worlds.observe().achieved_goal)
+    success, satisfied = successes(episodes)
+    assert (success == (episodes.achieved_goal[:, 50] == goals).all(axis=1)).all()
+    assert (satisfied == (episodes.achieved_goal[:, 0] == goals).all(axis=1)).all()
+
+
+def test_diverged_episodes_are_left_out(worlds, monkeypatch):
+    step = BatchedStacking.step
+
+    def diverge_once(self, actions):
+        outcome = step(self, actions)
+        self.diverged = np.array([False, self.step_counts[0] == 20, False])
+        return outcome
+
+    monkeypatch.setattr(BatchedStacking, "step", diverge_once)
+    goals = worlds.goal_space.goals[[0, 1, 2]]
+    episodes = collect(worlds, Still(), goals, biased=False)
+    np.testing.assert_array_equal(episodes.desired_goal, goals[[0, 2]])
+
+
+def test_an_observation_that_is_not_finite_is_named(worlds, monkeypatch):
+    observe = BatchedStacking.observe
+
+    def spoil(self):
+        seen = observe(self)
+        if self.step_counts[0] == 7:
+            seen.observation[2, 5] = np.nan
+        return seen
+
+    monkeypatch.setattr(BatchedStacking, "observe", spoil)
+    with pytest.raises(NonFiniteError, match="step 7 of an episode: entry 5 of world 2's observation is nan"):
+        collect(worlds, Still(), worlds.goal_space.goals[[0, 0, 0]], biased=False)
+
+
+def test_biased_starts_begin_with_their_epoch(tmp_path, monkeypatch):
+    seen, reset = [], BatchedStacking.reset
+
+    def note(self, worlds=None, biased=False, goals=None):
+        seen.append(biased)
+        return reset(self, worlds, biased, goals)
+
+    state = TrainingState(TINY, tmp_path)
+    monkeypatch.setattr(BatchedStacking, "reset", note)
+    state.collect()
+    state.counters.epoch = TINY.biased_from_epoch
+    state.collect()
+    assert seen == [False, True]
+
+
+def test_collected_episodes_reach_replay_counters_and_reached_goals(tmp_path):
+    state = TrainingState(TINY, tmp_path)
+    state.collect()
+    assert len(state.replay) == TINY.worlds
+    assert state.counters.steps == TINY.worlds * 50
+    assert state.counters.sums["episodes"] == TINY.worlds
+    np.testing.assert_array_equal(state.replay.reached_goals, state.replay.valid_goals[state.reached])

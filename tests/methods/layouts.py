@@ -1,0 +1,12 @@
+"""Layouts for tests that need no task."""
+
+from itertools import combinations
+
+from curiobench.methods.networks import PairLayout
+
+
+def layout_of(n_blocks: int) -> PairLayout:
+    """All close bits, then on(i, j) and on(j, i) of each pair: the paper's order."""
+    pairs = list(combinations(range(n_blocks), 2))
+    bits = [(k, len(pairs) + 2 * k, len(pairs) + 2 * k + 1) for k in range(len(pairs))]
+    return PairLayout(n_blocks, tuple((i, j, *b) for (i, j), b in zip(pairs, bits, strict=True)))

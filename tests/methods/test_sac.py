@@ -1,0 +1,333 @@
+"""SAC: losses by hand, exact values in a tiny world, a goal-reaching task, and continuation to the bit."""
+
+import io
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pytest
+import torch
+from layouts import layout_of
+
+from curiobench.methods.networks import PairLayout
+from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
+from curiobench.methods.sac import (
+    SAC,
+    NonFiniteError,
+    SACConfig,
+    critic_loss,
+    policy_loss,
+    soft_target,
+    temperature_loss,
+)
+
+SMALL = PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, action_size=2)
+
+
+class Counting(IntrinsicReward):
+    """Rewards the size of the change of state; counts its updates; optionally adds a term to the policy's loss."""
+
+    @dataclass(frozen=True)
+    class Config:
+        term: float | None = None
+        """Added to log pi."""
+
+    def __init__(self, state_size, action_size, config, generator):
+        self.config, self.updates, self.seen = config, 0, []
+
+    def reward(self, transitions: Transitions) -> torch.Tensor:
+        self.seen.append((self.updates, transitions))
+        return (transitions.next_state - transitions.state).abs().mean(1)
+
+    def update(self, transitions: Transitions) -> dict[str, torch.Tensor]:
+        self.updates += 1
+        return {"counted": torch.tensor(float(self.updates))}
+
+    def policy_loss_term(self, transitions, desired_goal, action):
+        return None if self.config.term is None else self.config.term * action.sum(1)
+
+    def state_dict(self):
+        return {"updates": self.updates}
+
+    def load_state_dict(self, state):
+        self.updates = state["updates"]
+
+
+def random_batch(layout: PairLayout, size: int, rng: np.random.Generator) -> Batch:
+    def normal(*shape: int) -> np.ndarray:
+        return rng.normal(size=shape).astype(np.float32)
+
+    def bits() -> np.ndarray:
+        return rng.integers(0, 2, (size, layout.goal_size)).astype(np.uint8)
+
+    return Batch.from_numpy(
+        {
+            "observation": normal(size, layout.observation_size),
+            "action": np.tanh(normal(size, layout.action_size)),
+            "next_observation": normal(size, layout.observation_size),
+            "achieved_goal": bits(),
+            "next_achieved_goal": bits(),
+            "desired_goal": bits(),
+            "reward": rng.integers(0, 2, size).astype(np.float32),
+        }
+    )
+
+
+def agent_of(seed: int = 0, layout: PairLayout = SMALL, intrinsic: IntrinsicReward | None = None, **config) -> SAC:
+    return SAC(layout, SACConfig(**{"hidden": 16, **config}), torch.Generator().manual_seed(seed), intrinsic)
+
+
+def same_state(first, second) -> bool:
+    """Nested states equal to the bit."""
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(same_state(first[k], second[k]) for k in first)
+    if isinstance(first, torch.Tensor):
+        return torch.equal(first, second)
+    return first == second
+
+
+def test_losses_by_hand():
+    values = torch.tensor([[1.0, 4.0], [3.0, 2.0]])
+    log_prob, alpha = torch.tensor([-1.0, 2.0]), torch.tensor(0.5)
+    target = soft_target(torch.tensor([1.0, 0.0]), values, log_prob, alpha, gamma=0.5)
+    assert target.tolist() == [1 + 0.5 * (1 + 0.5), 0.5 * (2 - 1)]
+    loss, _ = critic_loss(values, torch.tensor([1.0, 2.0]))
+    assert loss.item() == 0.5 * (0 + 4) / 2 + 0.5 * (4 + 0) / 2
+    loss, metrics = policy_loss(values, log_prob, alpha)
+    assert loss.item() == ((-0.5 - 1) + (1 - 2)) / 2
+    assert metrics["entropy"].item() == -0.5
+    loss, _ = temperature_loss(torch.tensor(2.0), log_prob, target_entropy=-4.0)
+    assert loss.item() == -2.0 * (0.5 - 4.0)
+
+
+def two_state_batch(size: int = 32) -> Batch:
+    """State A leads to B with reward 0, B to A with reward 1, whatever the action."""
+    at_b = np.arange(size) % 2 == 1
+    observation = np.zeros((size, SMALL.observation_size), np.float32)
+    observation[:, 0] = np.where(at_b, 1.0, -1.0)
+    bits = np.zeros((size, SMALL.goal_size), np.uint8)
+    action = np.random.default_rng(0).uniform(-1, 1, (size, 2)).astype(np.float32)
+    return Batch.from_numpy(
+        dict(
+            observation=observation,
+            action=action,
+            next_observation=-observation,
+            achieved_goal=bits,
+            next_achieved_goal=bits,
+            desired_goal=bits,
+            reward=at_b.astype(np.float32),
+        )
+    )
+
+
+def test_critic_recovers_the_exact_value_of_a_two_state_world():
+    gamma, batch = 0.5, two_state_batch()
+    agent = agent_of(gamma=gamma, temperature=1e-6, learning_rate=3e-3, polyak=0.2)
+    for step in range(800):
+        agent.optimiser.param_groups[0]["lr"] = 3e-3 * (1 - step / 800)  # to nothing, so that the values settle
+        agent.update(batch)
+    inputs = agent.encoder.encode(batch.observation, batch.achieved_goal.float(), batch.desired_goal.float())
+    values = agent.critics(inputs, batch.action.unsqueeze(0))[:, 0].detach()
+    expected = {0.0: gamma / (1 - gamma**2), 1.0: 1 / (1 - gamma**2)}
+    exact = torch.tensor([expected[r] for r in batch.reward.tolist()]).expand_as(values)
+    torch.testing.assert_close(values, exact, atol=0.02, rtol=0)
+
+
+class PointWorld:
+    """A hand on a line, at x, moves by action[0] / 4. Bit "close" is set where x > 0.5, the other two never."""
+
+    size, steps = 16, 6
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.x = rng.uniform(-0.9, 0.9, self.size).astype(np.float32)
+
+    def view(self) -> tuple[np.ndarray, np.ndarray]:
+        observation = np.zeros((self.size, SMALL.observation_size), np.float32)
+        observation[:, 0] = self.x
+        goal = np.zeros((self.size, SMALL.goal_size), np.float32)
+        goal[:, 0] = self.x > 0.5
+        return observation, goal
+
+    def step(self, action: np.ndarray) -> None:
+        self.x = np.clip(self.x + 0.25 * action[:, 0], -1, 1)
+
+
+def run_episode(agent: SAC, rng: np.random.Generator, deterministic: bool) -> tuple[list[dict], float]:
+    """Transitions of one episode in all worlds, half of which want the bit set; and the share that succeeds."""
+    world, transitions = PointWorld(rng), []
+    desired = np.zeros((world.size, SMALL.goal_size), np.float32)
+    desired[::2, 0] = 1
+    for _ in range(world.steps):
+        observation, achieved = world.view()
+        action = agent.act(observation, achieved, desired, deterministic)
+        world.step(action)
+        next_observation, next_achieved = world.view()
+        reward = (next_achieved == desired).all(1).astype(np.float32)
+        names = [f.name for f in fields(Batch)]
+        row = (observation, action, next_observation, achieved, next_achieved, desired, reward)
+        transitions.append(dict(zip(names, row, strict=True)))
+    return transitions, float(reward.mean())
+
+
+def test_sac_solves_a_goal_reaching_task():
+    rng = np.random.default_rng(0)
+    agent, memory = agent_of(gamma=0.9, temperature=0.05, hidden=32, learning_rate=3e-3), []
+    before = np.mean([run_episode(agent, rng, deterministic=True)[1] for _ in range(5)])
+    for _ in range(40):
+        memory += run_episode(agent, rng, deterministic=False)[0]
+        agent.observe(memory[-1]["observation"], memory[-1]["achieved_goal"], memory[-1]["desired_goal"])
+        for _ in range(10):
+            chosen = [memory[k] for k in rng.integers(0, len(memory), 8)]
+            agent.update(Batch.from_numpy({n: np.concatenate([c[n] for c in chosen]) for n in chosen[0]}))
+    after = np.mean([run_episode(agent, rng, deterministic=True)[1] for _ in range(5)])
+    assert after > 0.95 > before
+
+
+@pytest.mark.parametrize("pairs", ["symmetric", "oriented"])
+@pytest.mark.parametrize("identities", [False, True])
+def test_training_twice_gives_the_same_bits(pairs, identities):
+    def trained() -> dict:
+        rng = np.random.default_rng(4)
+        agent = agent_of(layout=layout_of(3), pairs=pairs, identities=identities, tune_temperature=True)
+        for _ in range(5):
+            batch = random_batch(agent.layout, 8, rng)
+            agent.observe(*(getattr(batch, n).numpy() for n in ("observation", "achieved_goal", "desired_goal")))
+            agent.act(*(getattr(batch, n).numpy() for n in ("observation", "achieved_goal", "desired_goal")))
+            agent.update(batch)
+        return agent.state_dict()
+
+    assert same_state(trained(), trained())
+
+
+@pytest.mark.parametrize("intrinsic", [None, Counting.Config()])
+def test_saved_agent_continues_to_the_bit(intrinsic):
+    def make(seed: int) -> SAC:
+        method = intrinsic and Counting(SMALL.observation_size, SMALL.action_size, intrinsic, None)
+        return agent_of(seed, intrinsic=method, tune_temperature=True)
+
+    rng, first, second = np.random.default_rng(5), make(0), make(1)
+    batches = [random_batch(SMALL, 8, rng) for _ in range(7)]
+    first.observe(*(getattr(batches[0], n).numpy() for n in ("observation", "achieved_goal", "desired_goal")))
+    for batch in batches[:3]:
+        first.update(batch)
+    file = io.BytesIO()
+    torch.save(first.state_dict(), file)
+    file.seek(0)
+    second.load_state_dict(torch.load(file, weights_only=True))
+    for batch in batches[3:]:
+        assert same_state(first.update(batch, epoch=1), second.update(batch, epoch=1))
+    assert same_state(first.state_dict(), second.state_dict())
+    raw = batches[0].observation.numpy(), batches[0].achieved_goal.numpy(), batches[0].desired_goal.numpy()
+    assert (first.act(*raw) == second.act(*raw)).all()
+
+
+def test_state_of_another_kind_of_agent_is_refused():
+    state = agent_of().state_dict()
+    with pytest.raises(ValueError, match="same curiosity method"):
+        agent_of(intrinsic=Counting(0, 0, Counting.Config(), None)).load_state_dict(state)
+    with pytest.raises(RuntimeError, match="size mismatch"):
+        agent_of(hidden=8).load_state_dict(state)
+
+
+def test_deterministic_action_is_the_mode_and_draws_nothing():
+    agent, raw = agent_of(), random_batch(SMALL, 6, np.random.default_rng(0))
+    raw = raw.observation.numpy(), raw.achieved_goal.numpy(), raw.desired_goal.numpy()
+    before = agent.generator.get_state()
+    action = agent.act(*raw, deterministic=True)
+    assert torch.equal(agent.generator.get_state(), before)
+    assert action.shape == (6, 2)
+    assert action.dtype == np.float32
+    assert not np.array_equal(agent.act(*raw), agent.act(*raw))
+
+
+def test_update_reads_a_batch_only_through_its_fixed_buffers():
+    """What a CUDA graph needs: the step, called again without a batch, does what `update` does with it."""
+    rng, agent, twin = np.random.default_rng(6), agent_of(), agent_of()
+    first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
+    agent.update(first)
+    twin.update(first)
+    address = agent._static.rows.data_ptr()
+    metrics = agent.update(second)
+    twin._static.load(second)
+    assert same_state(twin._captured(), metrics)
+    assert agent._static.rows.data_ptr() == address
+    for name in ("actor", "critics"):
+        assert same_state(getattr(agent, name).state_dict(), getattr(twin, name).state_dict())
+
+
+def test_tuned_temperature_falls_while_entropy_is_above_target():
+    agent, rng = agent_of(tune_temperature=True, temperature=0.5), np.random.default_rng(0)
+    metrics = [agent.update(random_batch(SMALL, 8, rng)) for _ in range(5)]
+    assert metrics[0]["entropy"] > -2
+    assert metrics[-1]["temperature"] < metrics[0]["temperature"]
+    fixed = agent_of(temperature=0.5)
+    fixed.update(random_batch(SMALL, 8, rng))
+    assert fixed.update(random_batch(SMALL, 8, rng))["temperature"].item() == pytest.approx(0.5)
+
+
+def test_target_critics_move_every_second_update():
+    agent, rng = agent_of(polyak=0.25), np.random.default_rng(0)
+    before = [p.clone() for p in agent.target_critics.parameters()]
+    agent.update(random_batch(SMALL, 8, rng))
+    assert all(torch.equal(a, b) for a, b in zip(before, agent.target_critics.parameters(), strict=True))
+    agent.update(random_batch(SMALL, 8, rng))
+    for old, new, source in zip(before, agent.target_critics.parameters(), agent.critics.parameters(), strict=True):
+        torch.testing.assert_close(new, 0.75 * old + 0.25 * source)
+
+
+def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_method_learns():
+    method = Counting(0, 0, Counting.Config(), None)
+    agent, rng = agent_of(intrinsic=method, tau=0.5), np.random.default_rng(0)
+    first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
+    agent.update(first, epoch=3)
+    past = agent.reward_moments.state_dict()
+    metrics = agent.update(second, epoch=4)
+    assert [(updates, seen.epoch) for updates, seen in method.seen] == [(0, 3), (1, 4)]
+    raw = (second.next_observation.clamp(-5, 5) - second.observation.clamp(-5, 5)).abs().mean(1)
+    z = (raw - past["mean"]) / (past["m2"] / past["count"]).sqrt()
+    torch.testing.assert_close(agent._static.reward, (second.reward + 0.5 * z.clamp(-5, 5)).float())
+    assert metrics["counted"] == 2
+    assert metrics["intrinsic_raw"].item() == pytest.approx(raw.mean().item())
+
+
+def test_relabelling_does_not_change_what_a_method_sees():
+    batch = random_batch(SMALL, 8, np.random.default_rng(0))
+    relabelled = Batch(**{**vars(batch), "desired_goal": 1 - batch.desired_goal, "reward": 1 - batch.reward})
+    seen = []
+    for one in (batch, relabelled):
+        method = Counting(0, 0, Counting.Config(), None)
+        agent_of(intrinsic=method).update(one)
+        seen.append(method.seen[0][1])
+    assert all(same_state(getattr(seen[0], f.name), getattr(seen[1], f.name)) for f in fields(Transitions))
+
+
+def test_policy_loss_term_moves_the_policy():
+    def mean_action(term: float | None) -> float:
+        rng = np.random.default_rng(0)
+        agent = agent_of(intrinsic=Counting(0, 0, Counting.Config(term), None), tau=0.0, temperature=1.0)
+        for _ in range(60):
+            agent.update(random_batch(SMALL, 8, rng))
+        raw = random_batch(SMALL, 64, rng)
+        raw = raw.observation.numpy(), raw.achieved_goal.numpy(), raw.desired_goal.numpy()
+        return float(agent.act(*raw, deterministic=True).mean())
+
+    assert mean_action(10.0) < mean_action(None) - 0.3
+
+
+def test_non_finite_loss_names_update_and_term_and_leaves_the_agent():
+    agent, rng = agent_of(), np.random.default_rng(0)
+    agent.update(random_batch(SMALL, 8, rng))
+    weights = [p.clone() for p in (*agent.actor.parameters(), *agent.critics.parameters())]
+    batch = random_batch(SMALL, 8, rng)
+    batch.reward[3] = math.nan
+    with pytest.raises(NonFiniteError, match=r"update 1: loss not finite: critics \(nan\)"):
+        agent.update(batch)
+    after = (*agent.actor.parameters(), *agent.critics.parameters())
+    assert all(torch.equal(a, b) for a, b in zip(weights, after, strict=True))
+
+
+@pytest.mark.parametrize("wrong", [{"gamma": 1.0}, {"polyak": 0.0}, {"tau": -1.0}, {"hidden": 0}, {"temperature": 0.0}])
+def test_settings_out_of_range_are_refused(wrong):
+    (name,) = wrong
+    with pytest.raises(ValueError, match=name):
+        SACConfig(**wrong)
