@@ -95,9 +95,9 @@ class RunConfig:
         check_name("robot", self.robot, ROBOTS)
         check_name("preset", self.preset, PRESET_NAMES)
         object.__setattr__(self, "method", parse_spec(self.method).text)
-        _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "batch_size")
+        _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
         _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
-        _check_at_least(self, 0, "seed", "updates", "biased_from_epoch")
+        _check_at_least(self, 0, "seed", "biased_from_epoch")
         if self.worlds > self.replay.capacity:
             raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):

@@ -1,6 +1,6 @@
-"""What a run shows while it trains: a live line on a terminal, a line an epoch elsewhere."""
+"""What a run shows while it trains: a line an epoch, and live lines below them on a terminal."""
 
-import time
+import sys
 from typing import Any
 
 from rich.console import Console
@@ -8,44 +8,37 @@ from rich.live import Live
 from rich.text import Text
 
 from curiobench.config import RunConfig
-from curiobench.evaluation import Evaluation
+from curiobench.tables import Layers
 from curiobench.training_state import Counters
 
 
 class Display:
-    """Prints a line when an epoch ends; on a terminal, keeps one line up to date in between."""
+    """Prints a line when an epoch ends; on a terminal, keeps two more up to date in between."""
 
     def __init__(self, config: RunConfig) -> None:
         self._config = config
         self._console = Console(soft_wrap=True, highlight=False)
-        terminal = self._console.is_terminal
+        terminal = sys.stdout.isatty()
         self._live = Live(console=self._console, refresh_per_second=4, transient=True) if terminal else None
         if self._live:
             self._live.start()
         self._learned = "-"
-        self._before: tuple[float, int, int, int] | None = None
         self._rates = ""
 
-    def evaluation(self, evaluation: Evaluation) -> None:
-        """Remember the learned goals of each layer."""
-        layers = evaluation.learned_by_layer().items()
-        self._learned = " ".join(f"L{layer} {learned}/{goals}" for layer, (learned, goals) in layers)
+    def evaluation(self, layers: Layers) -> None:
+        """Called with the learned goals of every evaluation."""
+        self._learned = " ".join(f"L{layer} {learned}/{goals}" for layer, (learned, goals) in layers.items())
 
     def cycle(self, counters: Counters) -> None:
         """Called after every cycle."""
-        now = time.monotonic()
         done = counters.epoch * self._config.cycles + counters.cycle
-        if self._before is None:
-            self._before = (now, counters.steps, counters.updates, done)
-            return
-        started, steps, updates, cycles = self._before
-        seconds = max(now - started, 1e-9)
-        left = (self._config.epochs * self._config.cycles - done) * seconds / (done - cycles)
-        steps_rate, updates_rate = (counters.steps - steps) / seconds, (counters.updates - updates) / seconds
-        self._rates = f"{steps_rate:,.0f} steps/s  {updates_rate:,.1f} updates/s  {_duration(left)} left"
+        left = sum(counters.seconds.values()) * (self._config.epochs * self._config.cycles / done - 1)
+        steps = counters.steps / counters.seconds["collecting"]
+        updates = counters.updates / (counters.seconds["sampling"] + counters.seconds["updating"])
+        self._rates = f"{steps:,.0f} steps/s  {updates:,.1f} updates/s  {_duration(left)} left"
         if self._live:
             where = f"epoch {counters.epoch + 1}/{self._config.epochs}  cycle {counters.cycle}/{self._config.cycles}"
-            self._live.update(Text(f"{where}  learned {self._learned}  {self._rates}"))
+            self._live.update(Text(f"{where}  learned {self._learned}\n{self._rates}"))
 
     def epoch(self, row: dict[str, Any]) -> None:
         """Called with every row of progress.csv."""
@@ -57,11 +50,11 @@ class Display:
         )
 
     def note(self, text: str) -> None:
-        """Print a line above the live one."""
+        """Print a line above the live ones."""
         self._console.print(text, markup=False)
 
     def close(self) -> None:
-        """Remove the live line."""
+        """Remove the live lines."""
         if self._live:
             self._live.stop()
 

@@ -16,6 +16,8 @@ from curiobench.config import CONFIG_VERSION, RunConfig, differences
 from curiobench.files import read_json, write_json
 
 FORMAT = "curiobench run"
+_BEFORE_CONFIG = {".lock", "config.json.partial"}
+"""What a run that was killed before it had a config.json may leave behind."""
 CSV_FILES = ("progress.csv", "evaluations.csv")
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own."""
@@ -63,14 +65,14 @@ class RunFolder:
 
     def _claim(self, resume: bool, command: Sequence[str]) -> None:
         """Write config.json, or see that the one that is there allows this run."""
-        if (self.path / "result.json").exists():
-            raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
         if (self.path / "config.json").exists():
+            if (self.path / "result.json").exists():
+                raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
             if not resume:
                 raise ValueError(f"{self.path} exists; use --resume to continue it")
             if found := differences(read_config(self.path), self.config):
                 raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
-        elif foreign := sorted(p.name for p in self.path.iterdir() if p.name != ".lock"):
+        elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
             raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
         else:
             self._write_config(command)

@@ -1,5 +1,6 @@
 """The agent of a run's newest checkpoint, for those who only want to watch it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from curiobench.training_state import build_agent
 
 
 def load_agent(path: Path) -> tuple[RunConfig, SAC]:
-    """The config and the agent of a run folder, whether the run is finished or not.
+    """The config and the agent of a run folder, whether the run is finished or not; the agent on the CPU.
 
     Raises ValueError where the folder is not a run's, has no checkpoint yet, or its checkpoint is damaged.
     """
@@ -25,7 +26,9 @@ def load_agent(path: Path) -> tuple[RunConfig, SAC]:
     saved = checkpoint.load(folder, config.fingerprint())
     if saved is None:
         raise ValueError(f"{path} has no checkpoint yet")
-    agent = build_agent(config, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
+    on_cpu = replace(config, device="cpu")
+    agent = build_agent(on_cpu, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
     with checkpoint.errors_named(folder):
-        agent.load_state_dict(saved[0])
+        # a GPU's generator has another state than a CPU's; watching draws no random numbers
+        agent.load_state_dict(saved[0] | {"generator": agent.state_dict()["generator"]})
     return config, agent

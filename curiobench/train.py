@@ -68,6 +68,11 @@ class Run:
         tensorboard = folder.path / "tensorboard"
         self.tensorboard = TensorBoardLog(tensorboard, first_epoch) if config.machine.tensorboard else None
         self.display = Display(config)
+        self.display.note(
+            f"{folder.path}: {config.method} on {config.task}, seed {config.seed}, from epoch {first_epoch}"
+        )
+        if rows := read_rows(folder.path / "evaluations.csv"):
+            self.display.evaluation(learned_by_layer(last_evaluation(rows)))
         if changed := _changed_versions(folder.path):
             self.display.note(f"resumed under other versions, numbers may differ: {changed}")
 
@@ -118,7 +123,7 @@ class Run:
             evaluation = self.evaluator.evaluate(self.state.agent)
         head = {"epoch": epoch, "steps": self.state.counters.steps}
         self.folder.append("evaluations.csv", [head | row for row in evaluation.rows()])
-        self.display.evaluation(evaluation)
+        self.display.evaluation(evaluation.learned_by_layer())
         return evaluation
 
     def _stop_if_asked(self) -> None:

@@ -118,9 +118,9 @@ class TrainingState:
         biased = self.counters.epoch >= self.config.biased_from_epoch
         with self.counters.timed("collecting"):
             episodes = collect(self._worlds, self.agent, goals, biased)
-        self.replay.add(episodes)
-        desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
-        self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
+            self.replay.add(episodes)
+            desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
+            self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
         ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
         self.reached[ends[ends >= 0]] = True
         self.counters.steps += size * EPISODE_STEPS

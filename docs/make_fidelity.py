@@ -16,7 +16,7 @@ import stepping  # noqa: E402
 from curiobench.tasks import ROBOTS, BatchedStacking, scripts  # noqa: E402
 from curiobench.tasks.rendering import WorldRenderer  # noqa: E402
 
-PICTURE_STEPS = (7, 15, 30, 43)
+PICTURE_STEPS = (7, 15, 30, 47)
 """Steps of a scripted stack of three that the pictures show."""
 
 

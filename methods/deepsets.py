@@ -65,7 +65,10 @@ class DeepSetsFunction(torch.autograd.Function):
 
     At these sizes what costs is less the products than the passes over memory between them, and the number of calls. So
     only what the gradient needs is kept, products of the pairs are shared by all contexts, and the norm's centring is
-    done once on the weights instead of on every row of activations. Shapes below: M members, H hidden units.
+    done once on the weights instead of on every row of activations. (Sharing each block's product over its pairs was
+    tried too: 1.4 to 1.9 times as slow, for the additions cost more than the products they save.)
+
+    Shapes: M members, K contexts, P pairs, B transitions, H hidden units.
     """
 
     @staticmethod

@@ -110,7 +110,7 @@ class FreeGripper(Robot):
     docs/fidelity.md for how close they are.
     """
 
-    timestep = 0.005
+    timestep = CONTROL_TIMESTEP / 7
 
     hand_mass = 10.0
     servo_stiffness = (32_500.0, 34_500.0, 34_500.0)

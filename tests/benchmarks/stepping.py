@@ -3,36 +3,45 @@
 `python tests/benchmarks/stepping.py` prints the ratios as a markdown table.
 """
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 
 import mujoco
 import numpy as np
 from side_by_side import ratio, side_by_side
 
 from curiobench.tasks import BatchedStacking, load
+from curiobench.tasks.registration import EPISODE_STEPS
 
 N_WORLDS = 64
-WARM_UP_STEPS = 10
-"""Steps of random play before anything is timed, so that some hands touch something."""
+EVERY = 7
+"""Steps of random play between the moments that are timed, which are spread over a whole episode."""
 
 
-def played_worlds(robot: str = "gripper", n_worlds: int = N_WORLDS, n_threads: int = 1) -> BatchedStacking:
-    """Worlds in the middle of random play."""
-    worlds = BatchedStacking("stack3", n_worlds, robot, n_threads=n_threads, seed=0)
-    worlds.reset(biased=True)
+def worlds_of(robot: str = "gripper", n_worlds: int = N_WORLDS, n_threads: int = 1) -> BatchedStacking:
+    """Worlds of three blocks, half of which start biased."""
+    return BatchedStacking("stack3", n_worlds, robot, n_threads=n_threads, seed=0)
+
+
+def moments(worlds: BatchedStacking) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """States `(N, nstate)` and actions `(N, 4)` at moments of random play, over and over."""
+    worlds.reset(biased=np.arange(worlds.n_worlds) % 2 == 0)
     rng = np.random.default_rng(0)
-    for _ in range(WARM_UP_STEPS):
-        worlds.step(rng.uniform(-1, 1, (n_worlds, 4)))
-    return worlds
+    recorded = []
+    for step in range(EPISODE_STEPS):
+        actions = rng.uniform(-1, 1, (worlds.n_worlds, 4))
+        if step % EVERY == 0:
+            recorded.append((worlds._state.copy(), actions))
+        worlds.step(actions)
+    return itertools.cycle(recorded)
 
 
 def batched_step(worlds: BatchedStacking) -> Callable[[], object]:
-    """One control step of all worlds, always from the same states with the same actions."""
-    state = worlds._state.copy()
-    actions = np.random.default_rng(1).uniform(-1, 1, (worlds.n_worlds, 4))
+    """One control step of all worlds, observed."""
+    played = moments(worlds)
 
     def run() -> object:
-        worlds._state[:] = state
+        worlds._state[:], actions = next(played)
         return worlds.step(actions)
 
     return run
@@ -40,13 +49,14 @@ def batched_step(worlds: BatchedStacking) -> Callable[[], object]:
 
 def bare_step(worlds: BatchedStacking) -> Callable[[], object]:
     """The floor: `mj_step` in a bare loop over the same states with the same commands, nothing observed."""
-    model, data = worlds.model, mujoco.MjData(worlds.model)
-    bound, state = worlds._bound, worlds._state.copy()
-    actions = np.random.default_rng(1).uniform(-1, 1, (worlds.n_worlds, 4))
-    command = bound.command(worlds.qpos, worlds._qvel, actions)
+    model, data, bound = worlds.model, mujoco.MjData(worlds.model), worlds._bound
+    nq = model.nq
+    commands = [(s, bound.command(s[:, 1 : 1 + nq], s[:, 1 + nq :], a)) for s, a in _one_round(moments(worlds))]
+    played = itertools.cycle(commands)
     state_spec, control_spec = mujoco.mjtState.mjSTATE_FULLPHYSICS, bound.hand.control_spec
 
     def run() -> None:
+        state, command = next(played)
         for world in range(worlds.n_worlds):
             mujoco.mj_setState(model, data, state[world], state_spec)
             mujoco.mj_setState(model, data, command[world], control_spec)
@@ -56,27 +66,27 @@ def bare_step(worlds: BatchedStacking) -> Callable[[], object]:
     return run
 
 
+def _one_round(played: Iterator[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
+    return list(itertools.islice(played, 1 + (EPISODE_STEPS - 1) // EVERY))
+
+
 def composer_step(robot: str = "gripper") -> Callable[[], object]:
-    """One control step of the composer environment: one world."""
+    """One control step of the composer environment, in random play: one world."""
     environment = load("stack3", robot, biased=True, random_state=0)
-    environment.reset()
     rng = np.random.default_rng(0)
-    for _ in range(WARM_UP_STEPS):
-        environment.step(rng.uniform(-1, 1, 4))
-    action = rng.uniform(-1, 1, 4)
-    return lambda: environment.step(action)
+    return lambda: environment.step(rng.uniform(-1, 1, 4))
 
 
-def measure(rounds: int = 25) -> dict[str, float]:
+def measure(rounds: int = 32) -> dict[str, float]:
     """All ratios of the issue's targets, and control steps a second; per world where the numbers of worlds differ."""
-    worlds, arms = played_worlds(), played_worlds("fetch", n_worlds=8)
-    resettable = played_worlds()
+    worlds, arms = worlds_of(), worlds_of("fetch", n_worlds=16)
+    resettable = worlds_of()
     seconds = side_by_side(
         {
             "floor": bare_step(worlds),
             "batched": batched_step(worlds),
-            "two threads": batched_step(played_worlds(n_threads=2)),
-            "reset": lambda: resettable.reset(),
+            "two threads": batched_step(worlds_of(n_threads=2)),
+            "reset": resettable.reset,
             "composer": composer_step(),
             "fetch": batched_step(arms),
             "fetch floor": bare_step(arms),

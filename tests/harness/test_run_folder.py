@@ -66,6 +66,13 @@ def test_touches_nothing_foreign(tmp_path):
         RunFolder(tmp_path / "thesis.tex" / "run", TINY, resume=False)
 
 
+def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path):
+    (tmp_path / ".lock").touch()
+    (tmp_path / "config.json.partial").write_text("{")
+    RunFolder(tmp_path, TINY, resume=False).close()
+    assert read_config(tmp_path) == TINY
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_rights(tmp_path):
     tmp_path.chmod(0o500)

@@ -12,9 +12,12 @@ from tiny_runs import TINY, numbers
 from curiobench import checkpoint
 from curiobench.config import MachineConfig
 from curiobench.errors import Interrupted, RunFailed
-from curiobench.files import read_json
+from curiobench.evaluation import Evaluator
+from curiobench.files import read_json, write_json
 from curiobench.replay import EpisodeReplay
-from curiobench.run_folder import read_rows
+from curiobench.run_folder import RunFolder, read_rows
+from curiobench.saved_agent import load_agent
+from curiobench.tables import last_evaluation
 from curiobench.train import Run, train
 from curiobench.training_state import TrainingState
 
@@ -140,3 +143,31 @@ def test_what_cannot_begin_is_bad_input(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="device 'cuda:99' is not available"):
         train(replace(TINY, device="cuda:99"), tmp_path / "other")
     assert not (tmp_path / "other").exists()
+
+
+def test_other_versions_are_said(tmp_path, capsys):
+    RunFolder(tmp_path, TINY, resume=False).close()
+    record = read_json(tmp_path / "config.json")
+    record["versions"]["torch"] = "1.0"
+    write_json(tmp_path / "config.json", record)
+    train(TINY, tmp_path, resume=True)
+    assert f"numbers may differ: torch {torch.__version__}, was 1.0" in capsys.readouterr().out
+
+
+def test_an_agent_from_a_folder_acts_as_in_the_run(finished, tmp_path):
+    config, agent = load_agent(finished)
+    assert config == TINY
+    rows = Evaluator(config.task, config.robot, config.episodes_per_goal).evaluate(agent).rows()
+    assert [str(row["success"]) for row in rows] == [
+        row["success"] for row in last_evaluation(read_rows(finished / "evaluations.csv"))
+    ]
+
+
+@pytest.mark.slow
+def test_tensorboard_gets_every_row(tmp_path):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # seconds to import
+
+    train(replace(TINY, machine=MachineConfig(tensorboard=True)), tmp_path / "run")
+    events = EventAccumulator(str(tmp_path / "run" / "tensorboard")).Reload()
+    assert [event.step for event in events.Scalars("critic_loss")] == [1, 2, 3]
+    assert [event.step for event in events.Scalars("success")] == [2, 3]

@@ -4,6 +4,9 @@ from itertools import combinations
 
 from curiobench.methods.networks import PairLayout
 
+SMALL = PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, action_size=2)
+"""Two tiny blocks."""
+
 
 def layout_of(n_blocks: int) -> PairLayout:
     """All close bits, then on(i, j) and on(j, i) of each pair: the paper's order."""
