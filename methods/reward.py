@@ -11,7 +11,7 @@ A method does not know which agent uses it, and the agent does not know which me
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -44,6 +44,20 @@ class Batch:
 
 
 @dataclass(frozen=True)
+class PolicyView:
+    """What the agent's policy does in a batch's states, for a method with `uses_policy`. Carries no gradients."""
+
+    desired_goal: Tensor
+    """(B, bits) that the policy pursues: the batch's, relabelled or not."""
+    action: Tensor
+    """(B, A) drawn from pi(. | s, g)."""
+    log_prob: Tensor
+    """(B,) log pi of `action`."""
+    stored_log_prob: Tensor
+    """(B,) log pi of the batch's own actions."""
+
+
+@dataclass(frozen=True)
 class Transitions:
     """The part of a batch that a curiosity method sees. It has no goal: relabelling must not change what is novel."""
 
@@ -55,14 +69,24 @@ class Transitions:
     """(B, D) normalised and clipped to ±5."""
     epoch: int
     """Epoch of training, from 0; MI's weight of conservativeness depends on it."""
+    policy: PolicyView | None = None
+    """Only for a method with `uses_policy`, which then sees goals."""
 
 
 class IntrinsicReward(ABC):
     """One curiosity method. Subclasses take `(state_size, action_size, config, generator)`, `config` being an instance
     of their own frozen dataclass `Config`; all randomness comes from the torch.Generator, whose device is the method's.
+    With `uses_policy` they also take `goal_size`.
     """
 
     Config: type
+    idea: ClassVar[str] = ""
+    """What is rewarded, in one line without a full stop; `curiobench list` shows it."""
+    paper: ClassVar[str] = ""
+    """Authors, year, and where to find it; shown beside it."""
+    uses_policy: ClassVar[bool] = False
+    """Ask the agent for a `PolicyView`. Its reward may then change with the goal: DAC needs that, a method that scores
+    states must not."""
 
     @abstractmethod
     def reward(self, transitions: Transitions) -> Tensor:

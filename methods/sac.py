@@ -23,7 +23,16 @@ from torch import Tensor, nn
 
 from curiobench.methods.capture import CapturedStep, StaticBatch
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.networks import Actor, PairEncoder, PairInputs, PairLayout, PairMode, TwinCritics
+from curiobench.methods.networks import (
+    Actor,
+    PairEncoder,
+    PairInputs,
+    PairLayout,
+    PairMode,
+    TwinCritics,
+    squashed_gaussian,
+)
+from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 
 Metrics = dict[str, Tensor]
@@ -188,13 +197,17 @@ class SAC:
         """`update` less target networks and counter: reads the batch in its fixed place and, on CUDA, never waits."""
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         metrics = {"reward": batch.reward.mean()}
+        noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
+        distribution = self.actor(inputs)
+        own = squashed_gaussian(*distribution, noise[1])
         transitions = None
         if self.intrinsic is not None:
-            transitions = Transitions(inputs.state, batch.action, next_inputs.state, epoch)
+            goals, wanted = batch.desired_goal[0], self.intrinsic.uses_policy
+            view = view_policy(distribution, own, batch.action, goals) if wanted else None
+            transitions = Transitions(inputs.state, batch.action, next_inputs.state, epoch, view)
             metrics |= self._add_intrinsic(self.intrinsic, batch.reward, transitions)
-        noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
         target = self._target(next_inputs, batch.reward, noise[0])
-        losses, more = self._losses(inputs, batch, target, noise[1], transitions)
+        losses, more = self._losses(inputs, batch, target, own, transitions)
         if self.device.type == "cpu":
             self._check(losses)
         gradients = torch.autograd.grad(sum(losses.values()), self._trained)
@@ -222,10 +235,18 @@ class SAC:
         return soft_target(reward, next_values, next_log_prob, self.log_alpha.exp(), self.config.gamma)
 
     def _losses(
-        self, inputs: PairInputs, batch: StaticBatch, target: Tensor, noise: Tensor, transitions: Transitions | None
+        self,
+        inputs: PairInputs,
+        batch: StaticBatch,
+        target: Tensor,
+        own: tuple[Tensor, Tensor],
+        transitions: Transitions | None,
     ) -> tuple[dict[str, Tensor], Metrics]:
-        """Losses by name (critics, policy and, if it is tuned, temperature), all at the same weights; and metrics."""
-        action, log_prob = self.actor.sample(inputs, noise)
+        """Losses by name (critics, policy and, if it is tuned, temperature), all at the same weights; and metrics.
+
+        Targets (B,); the policy's own actions (B, A) and their log-densities (B,), which carry its gradients.
+        """
+        action, log_prob = own
         stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
         penalty = log_prob
         if self.intrinsic is not None and transitions is not None:

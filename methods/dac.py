@@ -1,0 +1,147 @@
+"""DAC, diversity actor-critic (Han and Sung 2021, arXiv 2006.01419): novel is an action that was not taken here before.
+
+Instead of the entropy of the policy pi, that of a mixture is maximised: q_mix = alpha · pi + (1 - alpha) · q, where q is the
+distribution of the actions that the replay buffer holds. A network R estimates alpha · pi / (alpha · pi + (1 - alpha) · q):
+
+    ratio loss  = - mean over the batch of alpha · log R(s, a_pi) + (1 - alpha) · log(1 - R(s, a))      a_pi ~ pi, a stored
+    r_int       = - log q_mix(a | s) = log R(s, a) - log alpha - log pi(a | s),  clipped to ± dim(a)
+    policy loss = temperature · (log pi(a_pi | s) - log R(s, a_pi)) - Q                 (`policy_loss_term` is - log R)
+
+R is a logistic regression between actions of pi and stored ones; R = alpha wherever the two are alike. `adapt_alpha` makes
+alpha(s) = 0.5 + 0.49 · sigmoid(network(s)), which descends
+
+    alpha loss  = mean of alpha · (log R(s, a_pi) - log alpha - log pi(a_pi | s)) + (1 - alpha) · r_int(s, a) - alpha · c
+
+with c = -control · dim(a) and R held fixed: alpha rises above 0.5 where actions of pi are less surprising than stored ones
+by more than control · dim(a).
+
+Goals and relabelling. DAC regularises the entropy of actions rather than scoring states, so it is the one method here
+that sees goals: pi(a | s, g) depends on g, and R has to judge the same distribution. With hindsight, g is the relabelled
+goal: q is then the distribution of actions over transitions that were *relabelled* with g, and the reward of a transition
+changes with its goal. The paper has no goals.
+
+Differences from the authors' code (seungyulhan/dac), which extends SAC with a state value function:
+
+- There the entropy of q_mix is part of the value: the policy's share, alpha · (log R - log alpha - log pi), and the
+  buffer's share, (1 - alpha) times what is r_int here. As a benchmarked *reward*, only the latter is given, normalised and
+  weighted like any other method's. Targets keep SAC's own - log pi.
+- The policy's share is weighted by the agent's temperature there as here; in their code alpha(s) multiplies it, too. With
+  the fixed 0.5 that is a matter of scale; with `adapt_alpha` the term here does not follow alpha(s).
+- R is a perceptron of logits: log R = -softplus(-x) needs no small constant inside a logarithm.
+- The policy's term uses R after its update on the same batch.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from curiobench.methods.learned import LearnedReward, adam, check_positive, descend, perceptron
+from curiobench.methods.reward import PolicyView, Transitions
+
+
+@dataclass(frozen=True)
+class DACConfig:
+    """Settings of DAC."""
+
+    alpha: float = 0.5
+    """Share of the policy in the mixture, in (0, 1); the paper's where it is fixed."""
+    adapt_alpha: bool = False
+    """Learn alpha(s) in (0.5, 0.99) in place of the fixed one."""
+    control: float = 2.0
+    """How strongly the adapted alpha is pulled to 0.5: c = -control · dim(a); the authors' code's."""
+    hidden: int = 128
+    """Units in each of two hidden layers; the authors' code has 256."""
+    learning_rate: float = 3e-4
+    """Adam's learning rate of ratio and alpha; the authors' code's."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "hidden", "learning_rate")
+        if not 0 < self.alpha < 1:
+            raise ValueError(f"alpha is {self.alpha}; a share lies in (0, 1), without its ends")
+
+
+class DAC(LearnedReward):
+    """Diversity actor-critic."""
+
+    idea = "rewards actions that neither the policy nor the replay buffer would take in a state, for a goal"
+    paper = "Han and Sung 2021, arXiv 2006.01419"
+    uses_policy = True
+    Config = DACConfig
+
+    def __init__(
+        self, state_size: int, action_size: int, config: DACConfig, generator: torch.Generator, goal_size: int
+    ) -> None:
+        self.config, self.action_size = config, action_size
+        hidden = [config.hidden, config.hidden, 1]
+        self.ratio = perceptron([state_size + goal_size + action_size, *hidden], generator, out_gain=0.1)
+        self.alpha_network = perceptron([state_size, *hidden], generator, out_gain=0.1) if config.adapt_alpha else None
+        networks = {"ratio": self.ratio} | ({"alpha_network": self.alpha_network} if config.adapt_alpha else {})
+        self.optimiser = adam(networks.values(), config.learning_rate)
+        self._STATEFUL = (*networks, "optimiser")
+
+    def logit(self, state: Tensor, desired_goal: Tensor, action: Tensor) -> Tensor:
+        """x (B,) with R = sigmoid(x), of states (B, D), goals (B, bits) and actions (B, A)."""
+        return self.ratio(torch.cat([state, desired_goal, action], dim=1)).squeeze(1)
+
+    def log_alpha(self, state: Tensor) -> Tensor:
+        """log alpha(s): (B,), or () where it is fixed."""
+        if self.alpha_network is None:
+            return state.new_tensor(math.log(self.config.alpha))
+        return (0.5 + 0.49 * self.alpha_network(state).squeeze(1).sigmoid()).log()
+
+    def surprise(self, logit: Tensor, log_alpha: Tensor, log_prob: Tensor) -> Tensor:
+        """-log q_mix (B,) of actions with these logits of R and log pi (B,)."""
+        return F.logsigmoid(logit) - log_alpha - log_prob
+
+    def clipped_surprise(self, logit: Tensor, log_alpha: Tensor, log_prob: Tensor) -> Tensor:
+        """`surprise` of stored actions, which may lie where pi has next to no density, within ± dim(a)."""
+        return self.surprise(logit, log_alpha, log_prob).clamp(-self.action_size, self.action_size)
+
+    @torch.no_grad()
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,) of the stored actions. Raises ValueError without a view of the policy."""
+        policy = view_of(transitions)
+        logit = self.logit(transitions.state, policy.desired_goal, transitions.action)
+        return self.clipped_surprise(logit, self.log_alpha(transitions.state), policy.stored_log_prob)
+
+    def policy_loss_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor:
+        """-log R(s, a) (B,), whose gradient reaches the policy through its action."""
+        return -F.logsigmoid(self.logit(transitions.state, desired_goal, action))
+
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """One step of R, and of alpha(s) if it is adapted.
+
+        Metrics: dac_ratio_loss; dac_ratio_policy and dac_ratio_stored, the means of R at the policy's and at stored
+        actions; dac_alpha, the mean of alpha; dac_alpha_loss if it is adapted.
+        """
+        policy, state = view_of(transitions), transitions.state
+        actions = torch.cat([policy.action, transitions.action])
+        own, stored = self.logit(state.repeat(2, 1), policy.desired_goal.repeat(2, 1), actions).chunk(2)
+        log_alpha = self.log_alpha(state)
+        alpha = log_alpha.detach().exp()
+        ratio_loss = -(alpha * F.logsigmoid(own) + (1 - alpha) * F.logsigmoid(-stored)).mean()
+        losses = {"dac_ratio_loss": ratio_loss}
+        if self.alpha_network is not None:
+            losses["dac_alpha_loss"] = self.alpha_loss(log_alpha, own.detach(), stored.detach(), policy)
+        descend(self.optimiser, sum(losses.values()))
+        means = {"dac_ratio_policy": own.sigmoid(), "dac_ratio_stored": stored.sigmoid(), "dac_alpha": alpha}
+        return {name: value.detach() for name, value in losses.items()} | {
+            n: v.detach().mean() for n, v in means.items()
+        }
+
+    def alpha_loss(self, log_alpha: Tensor, own: Tensor, stored: Tensor, policy: PolicyView) -> Tensor:
+        """Loss () of alpha(s), from its logarithm and the logits of R at the policy's and at stored actions, each (B,)."""
+        alpha = log_alpha.exp()
+        of_policy = self.surprise(own, log_alpha, policy.log_prob)
+        of_buffer = self.clipped_surprise(stored, log_alpha, policy.stored_log_prob)
+        return (alpha * of_policy + (1 - alpha) * of_buffer + alpha * self.config.control * self.action_size).mean()
+
+
+def view_of(transitions: Transitions) -> PolicyView:
+    """The policy's view. Raises ValueError where the agent gives none."""
+    if transitions.policy is None:
+        raise ValueError("DAC needs an agent that fills in `Transitions.policy`")
+    return transitions.policy

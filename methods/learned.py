@@ -1,0 +1,72 @@
+"""What the built-in curiosity methods share: perceptrons, one gradient step, saving and restoring."""
+
+import copy
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from curiobench.methods.reward import IntrinsicReward
+
+
+def perceptron(sizes: Sequence[int], generator: torch.Generator, out_gain: float = math.sqrt(2.0)) -> nn.Sequential:
+    """Linear layers of these sizes, rectified in between. No normalisation: a reward depends on its transition alone.
+
+    Weights are orthogonal (Saxe et al. 2014, arXiv 1312.6120), times √2 before a rectifier, which keeps the scale of
+    activations; biases are zero.
+
+    Args:
+        sizes: inputs, hidden units…, outputs.
+        generator: draws the weights, on its device.
+        out_gain: scale of the last layer's weights.
+    """
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(sizes, sizes[1:], strict=False):
+        # skip_init: the default initialisation would draw from torch's global generator
+        layer = nn.utils.skip_init(nn.Linear, inputs, outputs, device=generator.device)
+        last = len(layers) == 2 * (len(sizes) - 2)
+        nn.init.orthogonal_(layer.weight, out_gain if last else math.sqrt(2.0), generator)
+        nn.init.zeros_(layer.bias)
+        layers += [layer] if last else [layer, nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)
+
+
+def adam(networks: Iterable[nn.Module], learning_rate: float) -> torch.optim.Adam:
+    """Adam (Kingma and Ba 2015) on all weights of these networks."""
+    weights = [weight for network in networks for weight in network.parameters()]
+    return torch.optim.Adam(weights, lr=learning_rate, fused=True, capturable=weights[0].is_cuda)
+
+
+def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
+    """One step down the gradient of `loss` (), which reaches the optimiser's own weights and nothing else."""
+    (group,) = optimiser.param_groups
+    for weight, gradient in zip(group["params"], torch.autograd.grad(loss, group["params"]), strict=True):
+        weight.grad = gradient
+    optimiser.step()
+
+
+def check_positive(config: Any, *names: str) -> None:
+    """Raise ValueError, with name and value, unless these fields of a config are above 0."""
+    for name in names:
+        if not getattr(config, name) > 0:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive")
+
+
+class LearnedReward(IntrinsicReward):
+    """A method whose whole state lies in the attributes named in `_STATEFUL`: networks, optimisers, moments.
+
+    The generator is not among them: these methods draw random numbers while they are built and never again.
+    """
+
+    _STATEFUL: ClassVar[tuple[str, ...]]
+
+    def state_dict(self) -> dict[str, Any]:
+        """A copy of all that the method holds."""
+        return copy.deepcopy({name: getattr(self, name).state_dict() for name in self._STATEFUL})
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Restore what `state_dict` gave. Raises KeyError, ValueError or RuntimeError where sizes differ."""
+        for name in self._STATEFUL:
+            getattr(self, name).load_state_dict(copy.deepcopy(state[name]))  # optimisers keep what they are given

@@ -1,0 +1,138 @@
+"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, Eqs. 7-11): novel, but controlled.
+
+The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are estimated
+apart and added with weights of their own:
+
+    curiosity         r_H = log(m + mean over the k nearest neighbours of ‖s' - s'_nn‖)                  (Eq. 9)
+    conservativeness  r_C = log(m + D_G(s' | s, a)),  D_G a Gaussian, factored over dimensions           (Eq. 10)
+    r_int  = r_H + lambda · r_C                                                                          (Eq. 11)
+    lambda = min(1 - xi^epoch, beta) · sigma_H / sigma_C
+    loss   = - mean over the batch of log D_G(s' | s, a)                                    (maximum likelihood)
+
+A transition scores high if few other states are like where it led, and if that is where the model expected it to lead. A
+block that falls is as rare as one that is lifted, but its landing is not predicted as well. lambda is 0 in epoch 0, so that
+the agent first explores. sigma_H and sigma_C are running standard deviations of the r_H and r_C of past batches.
+
+What the paper leaves open, and what we chose:
+
+- The particles among which neighbours are searched are the next states of the sampled minibatch.
+- D_G overflows in many dimensions: with m = 1, r_C is softplus(log D_G), and in general
+  log m + softplus(log D_G - log m). It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0:
+  a state that the model does not know loses nothing but the bonus, and curiosity decides.
+- Mean and log-std come from one perceptron; the log-std is squashed into a range. Its lower end says which precision counts
+  no more: else a dimension that never moves would be infinitely sharp and outweigh all others. Squashed, not clipped: at a
+  clipped bound the gradient vanishes, and a model that became too sure could not recover.
+- The "reparameterisation trick" that the paper mentions is not needed: nothing is sampled.
+- The paper's list of settings calls xi "gamma" once.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from curiobench.methods.learned import LearnedReward, adam, check_positive, descend, perceptron
+from curiobench.methods.moments import RunningMoments
+from curiobench.methods.neighbours import neighbour_distances
+from curiobench.methods.reward import Transitions
+
+
+@dataclass(frozen=True)
+class MIConfig:
+    """Settings of MI. Those without a source are ours; the paper does not print them."""
+
+    k: int = 3
+    """Nearest neighbours whose distances are averaged; the paper's."""
+    m: float = 1.0
+    """Added inside both logarithms; the paper's."""
+    xi: float = 0.99
+    """Conservativeness grows as 1 - xi^epoch; the paper's, where xi lies in (0, 1)."""
+    beta: float = 0.7
+    """Largest weight of conservativeness, in [0, 1]; the paper's."""
+    hidden: int = 128
+    """Units in each of the density network's two hidden layers."""
+    learning_rate: float = 1e-3
+    """Adam's learning rate of the density network; the agent's."""
+    min_log_std: float = -3.0
+    """Lower end of the density's log-std: errors below 5 % of a dimension's usual spread count as none."""
+    max_log_std: float = 2.0
+    """Upper end: a standard deviation beyond the clipped range of normalised states says nothing more."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "k", "m", "hidden", "learning_rate")
+        for name, legal in (("xi", 0 < self.xi < 1), ("beta", 0 <= self.beta <= 1)):
+            if not legal:
+                raise ValueError(f"{name} is {getattr(self, name)}; see its help for the legal range")
+        if not self.min_log_std < self.max_log_std:
+            raise ValueError(f"min_log_std is {self.min_log_std}; it must be below max_log_std, {self.max_log_std}")
+
+
+class MI(LearnedReward):
+    """Decoupled mutual information."""
+
+    idea = "rewards next states that are rare, but could be predicted from state and action"
+    paper = "Han et al. 2023, doi 10.3389/fnbot.2023.1089270"
+    Config = MIConfig
+    _STATEFUL = ("density", "optimiser", "curiosity_moments", "conservativeness_moments")
+
+    def __init__(self, state_size: int, action_size: int, config: MIConfig, generator: torch.Generator) -> None:
+        self.config = config
+        sizes = [state_size + action_size, config.hidden, config.hidden, 2 * state_size]
+        self.density = perceptron(sizes, generator, out_gain=0.1)
+        self.optimiser = adam([self.density], config.learning_rate)
+        self.curiosity_moments = RunningMoments((), min_std=1e-8, device=generator.device)
+        self.conservativeness_moments = RunningMoments((), min_std=1e-8, device=generator.device)
+        self._last: tuple[Transitions, Tensor] | None = None
+
+    def curiosity(self, transitions: Transitions) -> Tensor:
+        """r_H (B,). Found once for a batch that is passed twice, to `reward` and then to `update`."""
+        if self._last is None or self._last[0] is not transitions:
+            distance = neighbour_distances(transitions.next_state, self.config.k).mean(1)
+            self._last = transitions, (self.config.m + distance).log()
+        return self._last[1]
+
+    def log_density(self, transitions: Transitions) -> Tensor:
+        """log D_G(s' | s, a) (B,)."""
+        mean, raw = self.density(torch.cat([transitions.state, transitions.action], dim=1)).chunk(2, dim=1)
+        low, high = self.config.min_log_std, self.config.max_log_std
+        log_std = low + 0.5 * (high - low) * (raw.tanh() + 1)
+        error = (transitions.next_state - mean) * (-log_std).exp()
+        return -(0.5 * error.square() + log_std).sum(1) - 0.5 * math.log(2 * math.pi) * mean.shape[1]
+
+    def conservativeness(self, log_density: Tensor) -> Tensor:
+        """r_C (B,) from log D_G (B,)."""
+        log_m = math.log(self.config.m)
+        return log_m + F.softplus(log_density - log_m)
+
+    def weight(self, epoch: int) -> Tensor:
+        """lambda () in this epoch, from the statistics of past batches."""
+        grown = min(1 - self.config.xi**epoch, self.config.beta)
+        return grown * self.curiosity_moments.std / self.conservativeness_moments.std
+
+    @torch.no_grad()
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,). Raises ValueError if the batch has no more than k transitions."""
+        conservativeness = self.conservativeness(self.log_density(transitions))
+        curiosity = self.curiosity(transitions)
+        return curiosity + self.weight(transitions.epoch).to(curiosity.dtype) * conservativeness
+
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """One step of the density network; the batch joins the statistics.
+
+        Metrics, as the reward of this batch had them: mi_curiosity and mi_conservativeness, the means of r_H and r_C;
+        mi_weight, lambda; mi_density_loss, the mean of -log D_G.
+        """
+        log_density = self.log_density(transitions)
+        curiosity, conservativeness = self.curiosity(transitions), self.conservativeness(log_density.detach())
+        weight, loss = self.weight(transitions.epoch), -log_density.mean()
+        self.curiosity_moments.update(curiosity)
+        self.conservativeness_moments.update(conservativeness)
+        descend(self.optimiser, loss)
+        return {
+            "mi_curiosity": curiosity.mean(),
+            "mi_conservativeness": conservativeness.mean(),
+            "mi_weight": weight,
+            "mi_density_loss": loss.detach(),
+        }

@@ -1,0 +1,94 @@
+"""RE3, random encoders for exploration (Seo et al. 2021, arXiv 2102.09430): novel is what has no near neighbours.
+
+    y = encoder(s'), fixed and random
+    r_int = beta_t · log(1 + ‖y - k-th nearest neighbour of y‖)        beta_t = beta · (1 - decay)^t
+
+an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble those
+between states; as nothing is trained, the reward changes only with what was visited. t counts updates.
+
+Differences from the authors' code (younggyoseo/RE3), which works on images with RAD, Dreamer and A2C:
+
+- Neighbours are searched in the sampled minibatch, not in the whole buffer. A minibatch is a random subset of the buffer;
+  distances in it are larger by a factor that hardly depends on the state, which the agent's normalisation takes out. What
+  is lost is fine structure: of 512 particles, the third neighbour may be far.
+- Features are therefore computed for every batch. They are the same each time, since the encoder is fixed and does not
+  normalise by itself; only the agent's running normalisation of states moves, and it settles.
+- The state that an action led to, s', is rewarded, not the one it was taken in: the same one step later, except that the
+  last state of an episode counts too.
+- A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far states
+  would look alike.
+- beta is constant unless `decay` is set: the agent normalises by running moments, and a reward that fades beside its own
+  past turns into a constant penalty. (The authors divide by a running standard deviation first and multiply by
+  beta_t = 0.05 · (1 - 1e-5)^t after.)
+- log(1 + distance) as in the paper; their code takes the distance itself in RAD.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.learned import LearnedReward, check_positive, perceptron
+from curiobench.methods.neighbours import neighbour_distances
+from curiobench.methods.reward import Transitions
+
+
+@dataclass(frozen=True)
+class RE3Config:
+    """Settings of RE3."""
+
+    k: int = 3
+    """Which neighbour the distance is taken to, the state itself not counted; the paper's."""
+    beta: float = 1.0
+    """Scale of the reward before decay. No effect in the combined reward, which is normalised."""
+    decay: float = 0.0
+    """Share of the scale that is lost at each update, in [0, 1); the authors' code has 1e-5."""
+    hidden: int = 128
+    """Units in the encoder's hidden layer."""
+    features: int = 50
+    """Outputs of the encoder; the authors'."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "k", "beta", "hidden", "features")
+        if not 0 <= self.decay < 1:
+            raise ValueError(f"decay is {self.decay}; it must lie in [0, 1)")
+
+
+class RE3(LearnedReward):
+    """Random encoders for efficient exploration."""
+
+    idea = "rewards next states whose nearest neighbours in a random feature space are far"
+    paper = "Seo et al. 2021, arXiv 2102.09430"
+    Config = RE3Config
+    _STATEFUL = ("encoder",)
+
+    def __init__(self, state_size: int, action_size: int, config: RE3Config, generator: torch.Generator) -> None:
+        self.config, self.updates = config, 0
+        self.encoder = perceptron([state_size, config.hidden, config.features], generator).requires_grad_(False)
+
+    @property
+    def scale(self) -> float:
+        """beta_t."""
+        return self.config.beta * (1 - self.config.decay) ** self.updates
+
+    @torch.no_grad()
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,) from the distances within the batch. Raises ValueError if it has no more than k transitions."""
+        distances = neighbour_distances(self.encoder(transitions.next_state), self.config.k)
+        return self.scale * distances[:, -1].log1p()
+
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """Nothing is trained; t advances. Metrics: re3_scale, the beta_t of this batch."""
+        scale = self.scale
+        self.updates += 1
+        return {"re3_scale": torch.tensor(scale)}
+
+    def state_dict(self) -> dict[str, Any]:
+        """The encoder and t."""
+        return super().state_dict() | {"updates": self.updates}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        super().load_state_dict(state)
+        self.updates = state["updates"]
