@@ -6,15 +6,19 @@ each is whole or absent, and the last two saves stay loadable: a kill between th
 agent leaves a replay that fits the older agent. No pickles.
 """
 
-import json
-import os
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
+from curiobench.files import read_json, replace_file, write_json
+
 Arrays = dict[str, np.ndarray]
+
+_INDEX = re.compile(r"index-\d{1,18}\.npz")
 
 
 class EpisodeFiles:
@@ -52,36 +56,34 @@ class EpisodeFiles:
         segments = [segment for segment in segments if segment[1] > oldest]
         first = max(saved, oldest)
         if first < added:
-            self._write(f"episodes-{first}-{added}.npz", lambda file: np.savez(file, **episodes(first, added)))
+            path = self.folder / f"episodes-{first}-{added}.npz"
+            replace_file(path, lambda file: np.savez(file, **episodes(first, added)))
             segments.append([first, added])
         name, index_name = f"replay-{added}.json", f"index-{added}.npz"
-        self._write(index_name, lambda file: np.savez(file, **index))
+        replace_file(self.folder / index_name, lambda file: np.savez(file, **index))
         manifest = {"added": added, "segments": segments, "index": index_name, "shapes": shapes}
-        self._write(name, lambda file: file.write(json.dumps(manifest).encode()))
+        write_json(self.folder / name, manifest)
         self._prune({name, previous})
         return name
 
     def manifest(self, name: str) -> dict[str, Any]:
-        """The manifest of a saved state: added, segments, index, shapes."""
-        return json.loads((self.folder / name).read_text())
+        """The manifest of a saved state: added, segments, index, shapes. Raises ValueError where it is damaged."""
+        manifest = read_json(self.folder / name)
+        if not _INDEX.fullmatch(manifest["index"]):
+            raise ValueError(f"{self.folder / name} names {manifest['index']!r} as its index")
+        return manifest
 
     def segment(self, first: int, end: int) -> Arrays:
         """Arrays of the episodes first … end - 1, as they were saved together."""
         return self.arrays(f"episodes-{first}-{end}.npz")
 
     def arrays(self, name: str) -> Arrays:
-        """All arrays of a file."""
-        with np.load(self.folder / name, allow_pickle=False) as saved:
-            return dict(saved)
-
-    def _write(self, name: str, write: Callable[[BinaryIO], Any]) -> None:
-        """Write beside, then rename."""
-        partial = self.folder / f"{name}.partial"
-        with partial.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(self.folder / name)
+        """All arrays of a file. Raises ValueError where it is damaged."""
+        try:
+            with np.load(self.folder / name, allow_pickle=False) as saved:
+                return dict(saved)
+        except BadZipFile as error:
+            raise ValueError(f"cannot read {self.folder / name}: {error}") from None
 
     def _prune(self, keep: set[str]) -> None:
         """Delete all states but these, and what a killed save left."""

@@ -1,32 +1,32 @@
-"""DAC, diversity actor-critic (Han and Sung 2021, arXiv 2006.01419): novel is an action that was not taken here before.
+"""DAC, diversity actor-critic (Han and Sung 2021, arXiv 2006.01419): novel is an action not taken here before.
 
-Instead of the entropy of the policy pi, that of a mixture is maximised: q_mix = alpha · pi + (1 - alpha) · q, where q is the
-distribution of the actions that the replay buffer holds. A network R estimates alpha · pi / (alpha · pi + (1 - alpha) · q):
+Instead of the entropy of the policy pi, that of a mixture is maximised: q_mix = alpha · pi + (1 - alpha) · q, where q
+is the distribution of the actions that the replay buffer holds. A network R estimates alpha · pi / q_mix:
 
-    ratio loss  = - mean over the batch of alpha · log R(s, a_pi) + (1 - alpha) · log(1 - R(s, a))      a_pi ~ pi, a stored
+    ratio loss  = - mean over the batch of alpha · log R(s, a_pi) + (1 - alpha) · log(1 - R(s, a)),  a_pi ~ pi, a stored
     r_int       = - log q_mix(a | s) = log R(s, a) - log alpha - log pi(a | s),  clipped to ± dim(a)
     policy loss = temperature · (log pi(a_pi | s) - log R(s, a_pi)) - Q                 (`policy_loss_term` is - log R)
 
-R is a logistic regression between actions of pi and stored ones; R = alpha wherever the two are alike. `adapt_alpha` makes
-alpha(s) = 0.5 + 0.49 · sigmoid(network(s)), which descends
+R is a logistic regression between actions of pi and stored ones; R = alpha wherever the two are alike. `adapt_alpha`
+makes alpha(s) = 0.5 + 0.49 · sigmoid(network(s)), which descends
 
-    alpha loss  = mean of alpha · (log R(s, a_pi) - log alpha - log pi(a_pi | s)) + (1 - alpha) · r_int(s, a) - alpha · c
+    alpha loss = mean of alpha · (log R(s, a_pi) - log alpha - log pi(a_pi | s) - c) + (1 - alpha) · r_int(s, a)
 
-with c = -control · dim(a) and R held fixed: alpha rises above 0.5 where actions of pi are less surprising than stored ones
-by more than control · dim(a).
+with c = -control · dim(a) and R held fixed: alpha rises above 0.5 where actions of pi are less surprising than stored
+ones by more than control · dim(a).
 
 Goals and relabelling. DAC regularises the entropy of actions rather than scoring states, so it is the one method here
-that sees goals: pi(a | s, g) depends on g, and R has to judge the same distribution. With hindsight, g is the relabelled
-goal: q is then the distribution of actions over transitions that were *relabelled* with g, and the reward of a transition
-changes with its goal. The paper has no goals.
+that sees goals: pi(a | s, g) depends on g, and R has to judge the same distribution. With hindsight, g is the
+relabelled goal: q is then the distribution of actions over transitions that were *relabelled* with g, and the reward
+of a transition changes with its goal. The paper has no goals.
 
 Differences from the authors' code (seungyulhan/dac), which extends SAC with a state value function:
 
 - There the entropy of q_mix is part of the value: the policy's share, alpha · (log R - log alpha - log pi), and the
-  buffer's share, (1 - alpha) times what is r_int here. As a benchmarked *reward*, only the latter is given, normalised and
-  weighted like any other method's. Targets keep SAC's own - log pi.
-- The policy's share is weighted by the agent's temperature there as here; in their code alpha(s) multiplies it, too. With
-  the fixed 0.5 that is a matter of scale; with `adapt_alpha` the term here does not follow alpha(s).
+  buffer's share, (1 - alpha) times what is r_int here. As a benchmarked *reward*, only the latter is given,
+  normalised and weighted like any other method's. Targets keep SAC's own - log pi.
+- The policy's share is weighted by the agent's temperature there as here; in their code alpha(s) multiplies it, too.
+  With the fixed 0.5 that is a matter of scale; with `adapt_alpha` the term here does not follow alpha(s).
 - R is a perceptron of logits: log R = -softplus(-x) needs no small constant inside a logarithm.
 - The policy's term uses R after its update on the same batch.
 """
@@ -133,7 +133,7 @@ class DAC(LearnedReward):
         }
 
     def alpha_loss(self, log_alpha: Tensor, own: Tensor, stored: Tensor, policy: PolicyView) -> Tensor:
-        """Loss () of alpha(s), from its logarithm and the logits of R at the policy's and at stored actions, each (B,)."""
+        """Loss () of alpha(s), from log alpha and the logits of R at the policy's and at stored actions, each (B,)."""
         alpha = log_alpha.exp()
         of_policy = self.surprise(own, log_alpha, policy.log_prob)
         of_buffer = self.clipped_surprise(stored, log_alpha, policy.stored_log_prob)

@@ -6,15 +6,15 @@
     r_int = (eta / 2) · ‖f(phi(s), a) - phi(s')‖²
     loss  = (1 - beta) · L_I + beta · L_F
 
-The inverse model teaches the encoder what the agent can influence; errors about the rest should not count. In practice
-some of the rest stays in phi, and what cannot be predicted stays "novel" forever (the noisy television).
+The inverse model teaches the encoder what the agent can influence; errors about the rest should not count. In
+practice some of the rest stays in phi, and what cannot be predicted stays "novel" forever (the noisy television).
 
 Differences from the authors' code (pathak22/noreward-rl), which works on images with A3C:
 
 - Perceptrons on the agent's normalised state; actions are continuous, so the inverse loss is a squared error.
 - Which loss trains phi. In their code both do. Then features that are all alike are easy to predict, and L_F shrinks
-  them: the reward falls everywhere, also where nothing was learned. The later large-scale study (Burda et al. 2018, arXiv
-  1808.04355) stops that gradient, and so does the default here: phi learns from the inverse loss alone.
+  them: the reward falls everywhere, also where nothing was learned. The later large-scale study (Burda et al. 2018,
+  arXiv 1808.04355) stops that gradient, and so does the default here: phi learns from the inverse loss alone.
   `forward_trains_encoder` gives the original. With separate weights and Adam, beta then hardly matters.
 - Their code multiplies the whole loss by 10; here the learning rate is the agent's default, 1e-3 = 10 · 1e-4.
 """

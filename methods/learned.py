@@ -3,6 +3,7 @@
 import copy
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import torch
@@ -23,7 +24,7 @@ def perceptron(sizes: Sequence[int], generator: torch.Generator, out_gain: float
         out_gain: scale of the last layer's weights.
     """
     layers: list[nn.Module] = []
-    for inputs, outputs in zip(sizes, sizes[1:], strict=False):
+    for inputs, outputs in pairwise(sizes):
         # skip_init: the default initialisation would draw from torch's global generator
         layer = nn.utils.skip_init(nn.Linear, inputs, outputs, device=generator.device)
         last = len(layers) == 2 * (len(sizes) - 2)

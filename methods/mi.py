@@ -1,7 +1,8 @@
-"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, Eqs. 7-11): novel, but controlled.
+"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, Eqs. 7-11): novel, but
+controlled.
 
-The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are estimated
-apart and added with weights of their own:
+The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are
+estimated apart and added with weights of their own:
 
     curiosity         r_H = log(m + mean over the k nearest neighbours of ‖s' - s'_nn‖)                  (Eq. 9)
     conservativeness  r_C = log(m + D_G(s' | s, a)),  D_G a Gaussian, factored over dimensions           (Eq. 10)
@@ -9,19 +10,20 @@ apart and added with weights of their own:
     lambda = min(1 - xi^epoch, beta) · sigma_H / sigma_C
     loss   = - mean over the batch of log D_G(s' | s, a)                                    (maximum likelihood)
 
-A transition scores high if few other states are like where it led, and if that is where the model expected it to lead. A
-block that falls is as rare as one that is lifted, but its landing is not predicted as well. lambda is 0 in epoch 0, so that
-the agent first explores. sigma_H and sigma_C are running standard deviations of the r_H and r_C of past batches.
+A transition scores high if few other states are like where it led, and if that is where the model expected it to
+lead. A block that falls is as rare as one that is lifted, but its landing is not predicted as well. lambda is 0 in
+epoch 0, so that the agent first explores. sigma_H and sigma_C are running standard deviations of the r_H and r_C of
+past batches.
 
 What the paper leaves open, and what we chose:
 
 - The particles among which neighbours are searched are the next states of the sampled minibatch.
-- D_G overflows in many dimensions: with m = 1, r_C is softplus(log D_G), and in general
-  log m + softplus(log D_G - log m). It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0:
-  a state that the model does not know loses nothing but the bonus, and curiosity decides.
-- Mean and log-std come from one perceptron; the log-std is squashed into a range. Its lower end says which precision counts
-  no more: else a dimension that never moves would be infinitely sharp and outweigh all others. Squashed, not clipped: at a
-  clipped bound the gradient vanishes, and a model that became too sure could not recover.
+- D_G overflows in many dimensions: with m = 1, r_C is softplus(log D_G), and in general log m + softplus(log D_G -
+  log m). It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0: a state that the model
+  does not know loses nothing but the bonus, and curiosity decides.
+- Mean and log-std come from one perceptron; the log-std is squashed into a range. Its lower end says which precision
+  counts no more: else a dimension that never moves would be infinitely sharp and outweigh all others. Squashed, not
+  clipped: at a clipped bound the gradient vanishes, and a model that became too sure could not recover.
 - The "reparameterisation trick" that the paper mentions is not needed: nothing is sampled.
 - The paper's list of settings calls xi "gamma" once.
 """
@@ -75,15 +77,14 @@ class MI(LearnedReward):
     idea = "rewards next states that are rare, but could be predicted from state and action"
     paper = "Han et al. 2023, doi 10.3389/fnbot.2023.1089270"
     Config = MIConfig
-    _STATEFUL = ("density", "optimiser", "curiosity_moments", "conservativeness_moments")
+    _STATEFUL = ("density", "optimiser", "moments")
 
     def __init__(self, state_size: int, action_size: int, config: MIConfig, generator: torch.Generator) -> None:
         self.config = config
         sizes = [state_size + action_size, config.hidden, config.hidden, 2 * state_size]
         self.density = perceptron(sizes, generator, out_gain=0.1)
         self.optimiser = adam([self.density], config.learning_rate)
-        self.curiosity_moments = RunningMoments((), min_std=1e-8, device=generator.device)
-        self.conservativeness_moments = RunningMoments((), min_std=1e-8, device=generator.device)
+        self.moments = RunningMoments((2,), min_std=1e-8, device=generator.device)  # of r_H and r_C
         self._last: tuple[Transitions, Tensor] | None = None
 
     def curiosity(self, transitions: Transitions) -> Tensor:
@@ -108,8 +109,8 @@ class MI(LearnedReward):
 
     def weight(self, epoch: int) -> Tensor:
         """lambda () in this epoch, from the statistics of past batches."""
-        grown = min(1 - self.config.xi**epoch, self.config.beta)
-        return grown * self.curiosity_moments.std / self.conservativeness_moments.std
+        of_curiosity, of_conservativeness = self.moments.std
+        return min(1 - self.config.xi**epoch, self.config.beta) * of_curiosity / of_conservativeness
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
@@ -127,8 +128,7 @@ class MI(LearnedReward):
         log_density = self.log_density(transitions)
         curiosity, conservativeness = self.curiosity(transitions), self.conservativeness(log_density.detach())
         weight, loss = self.weight(transitions.epoch), -log_density.mean()
-        self.curiosity_moments.update(curiosity)
-        self.conservativeness_moments.update(conservativeness)
+        self.moments.update(torch.stack([curiosity, conservativeness], dim=1))
         descend(self.optimiser, loss)
         return {
             "mi_curiosity": curiosity.mean(),

@@ -3,22 +3,22 @@
     y = encoder(s'), fixed and random
     r_int = beta_t · log(1 + ‖y - k-th nearest neighbour of y‖)        beta_t = beta · (1 - decay)^t
 
-an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble those
-between states; as nothing is trained, the reward changes only with what was visited. t counts updates.
+an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble
+those between states; as nothing is trained, the reward changes only with what was visited. t counts updates.
 
 Differences from the authors' code (younggyoseo/RE3), which works on images with RAD, Dreamer and A2C:
 
-- Neighbours are searched in the sampled minibatch, not in the whole buffer. A minibatch is a random subset of the buffer;
-  distances in it are larger by a factor that hardly depends on the state, which the agent's normalisation takes out. What
-  is lost is fine structure: of 512 particles, the third neighbour may be far.
-- Features are therefore computed for every batch. They are the same each time, since the encoder is fixed and does not
-  normalise by itself; only the agent's running normalisation of states moves, and it settles.
-- The state that an action led to, s', is rewarded, not the one it was taken in: the same one step later, except that the
-  last state of an episode counts too.
-- A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far states
-  would look alike.
-- beta is constant unless `decay` is set: the agent normalises by running moments, and a reward that fades beside its own
-  past turns into a constant penalty. (The authors divide by a running standard deviation first and multiply by
+- Neighbours are searched in the sampled minibatch, not in the whole buffer. A minibatch is a random subset of the
+  buffer; distances in it are larger by a factor that hardly depends on the state, which the agent's normalisation
+  takes out. What is lost is fine structure: of 512 particles, the third neighbour may be far.
+- Features are therefore computed for every batch. They are the same each time, since the encoder is fixed and does
+  not normalise by itself; only the agent's running normalisation of states moves, and it settles.
+- The state that an action led to, s', is rewarded, not the one it was taken in: the same one step later, except that
+  the last state of an episode counts too.
+- A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far
+  states would look alike.
+- beta is constant unless `decay` is set: the agent normalises by running moments, and a reward that fades beside its
+  own past turns into a constant penalty. (The authors divide by a running standard deviation first and multiply by
   beta_t = 0.05 · (1 - 1e-5)^t after.)
 - log(1 + distance) as in the paper; their code takes the distance itself in RAD.
 """

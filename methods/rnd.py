@@ -1,17 +1,20 @@
-"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): novel is what a random network surprises in.
+"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): novel is what a random network surprises
+in.
 
     target    f(s')    fixed, random
     predictor f^(s')   trained to imitate it, one hidden layer deeper
     r_int = mean over features of (f(s') - f^(s'))²
     loss  = mean over the batch of r_int
 
-Where the agent has been often, the predictor has learned the target's outputs, and the reward is small. Transitions need
-not be predictable for that, so noise fascinates it less than it does ICM; but noise that never repeats stays novel.
+Where the agent has been often, the predictor has learned the target's outputs, and the reward is small. Transitions
+need not be predictable for that, so noise fascinates it less than it does ICM; but noise that never repeats stays
+novel.
 
 Differences from the authors' code (openai/random-network-distillation), which works on images with PPO:
 
-- Perceptrons on the agent's normalised state, clipped to ±5 as there; half of it is sharp where they have convolutions
-  and 512 features. Their predictor has two more layers than the target, ours one: depth costs, inputs are small.
+- Perceptrons on the agent's normalised state, clipped to ±5 as there; half of it is sharp where they have
+  convolutions and 512 features. Their predictor has two more layers than the target, ours one: depth costs, inputs
+  are small.
 - Rectifiers where they have leaky ones.
 - The intrinsic reward has no value function and no discount of its own; the agent normalises and adds it.
 - The predictor learns from the whole batch; theirs from a random quarter when environments are many.

@@ -199,15 +199,15 @@ class SAC:
         metrics = {"reward": batch.reward.mean()}
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
         distribution = self.actor(inputs)
-        own = squashed_gaussian(*distribution, noise[1])
+        sample = squashed_gaussian(*distribution, noise[1])
         transitions = None
         if self.intrinsic is not None:
             goals, wanted = batch.desired_goal[0], self.intrinsic.uses_policy
-            view = view_policy(distribution, own, batch.action, goals) if wanted else None
+            view = view_policy(distribution, sample, batch.action, goals) if wanted else None
             transitions = Transitions(inputs.state, batch.action, next_inputs.state, epoch, view)
             metrics |= self._add_intrinsic(self.intrinsic, batch.reward, transitions)
         target = self._target(next_inputs, batch.reward, noise[0])
-        losses, more = self._losses(inputs, batch, target, own, transitions)
+        losses, more = self._losses(inputs, batch, target, sample, transitions)
         if self.device.type == "cpu":
             self._check(losses)
         gradients = torch.autograd.grad(sum(losses.values()), self._trained)
@@ -239,14 +239,14 @@ class SAC:
         inputs: PairInputs,
         batch: StaticBatch,
         target: Tensor,
-        own: tuple[Tensor, Tensor],
+        sample: tuple[Tensor, Tensor],
         transitions: Transitions | None,
     ) -> tuple[dict[str, Tensor], Metrics]:
         """Losses by name (critics, policy and, if it is tuned, temperature), all at the same weights; and metrics.
 
         Targets (B,); the policy's own actions (B, A) and their log-densities (B,), which carry its gradients.
         """
-        action, log_prob = own
+        action, log_prob = sample
         stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
         penalty = log_prob
         if self.intrinsic is not None and transitions is not None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiobench import episode_files
+from curiobench import files
 from curiobench.replay import EpisodeReplay, Episodes, GoalIndex, ReplayConfig
 
 STEPS, SIZE, ACTIONS = 4, 3, 2
@@ -191,7 +191,7 @@ def test_a_save_writes_only_what_is_new(tmp_path):
 
 def test_a_kill_at_any_moment_of_a_save_leaves_the_previous_one(tmp_path, monkeypatch):
     """Every rename is a moment; the kill is an exception that the save cannot expect."""
-    replace = episode_files.Path.replace
+    replace = files.os.replace
     for moment in range(4):
         folder = tmp_path / str(moment)
         replay, calls = filled(7), []
@@ -206,7 +206,7 @@ def test_a_kill_at_any_moment_of_a_save_leaves_the_previous_one(tmp_path, monkey
             return replace(path, target)
 
         with monkeypatch.context() as patch:
-            patch.setattr(episode_files.Path, "replace", dies)
+            patch.setattr(files.os, "replace", dies)
             if moment < 3:
                 with pytest.raises(KeyboardInterrupt):
                     replay.save(folder)
