@@ -7,10 +7,14 @@ decides the numbers of a run, `machine` apart, which changes none.
 import hashlib
 import json
 import re
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from collections.abc import Set as AbstractSet
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import tyro
+
+from curiobench.methods.hybrid import HybridConfig
 from curiobench.methods.registry import parse_spec
 from curiobench.methods.sac import SACConfig
 from curiobench.replay import ReplayConfig
@@ -87,6 +91,10 @@ class RunConfig:
     """Replay of episodes with hindsight relabelling."""
     sac: SACConfig = field(default_factory=SACConfig)
     """The agent."""
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
+    """The hybrid policy mechanism; only methods with +hm have it."""
+    method_config: tyro.conf.Suppress[Any] = None
+    """Settings of the curiosity method, an instance of its `Config`; None gives the defaults. `sac` has none."""
     machine: MachineConfig = field(default_factory=MachineConfig)
     """How this machine does the work; changes no number."""
 
@@ -94,7 +102,7 @@ class RunConfig:
         check_name("task", self.task, TASKS)
         check_name("robot", self.robot, ROBOTS)
         check_name("preset", self.preset, PRESET_NAMES)
-        object.__setattr__(self, "method", parse_spec(self.method).text)
+        self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
         _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
         _check_at_least(self, 0, "seed", "biased_from_epoch")
@@ -102,6 +110,16 @@ class RunConfig:
             raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):
             raise ValueError(f"device is {self.device!r}; legal are cpu, cuda and cuda:N")
+
+    def _check_method(self) -> None:
+        """Bring the spec to its one form, and see that the settings are the method's."""
+        spec = parse_spec(self.method)
+        object.__setattr__(self, "method", spec.text)
+        if spec.reward is not None and self.method_config is None:
+            object.__setattr__(self, "method_config", spec.reward.Config())
+        kind = type(None) if spec.reward is None else spec.reward.Config
+        if not isinstance(self.method_config, kind):
+            raise ValueError(f"method_config is {self.method_config!r}; {spec.text} takes a {kind.__name__}")
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, nested; `from_json` turns them back into an equal config."""
@@ -120,7 +138,10 @@ class RunConfig:
         """
         if version != CONFIG_VERSION:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
-        return _build(cls, values, "")
+        values = dict(values) if isinstance(values, dict) else values
+        settings = values.pop("method_config", None) if isinstance(values, dict) else None
+        config = _build(cls, values, "", optional={"method_config"})
+        return config if settings is None else replace(config, method_config=_settings(config.method, settings))
 
     def decisive(self) -> dict[str, Any]:
         """The part of `to_json` that decides the numbers: all but the machine's."""
@@ -138,10 +159,10 @@ PRESETS = MappingProxyType(
         # 40 M steps. DECSTR sums the gradients of 16 workers with a batch of 256 each; Adam does not see the factor
         # between that sum and the mean over one batch of 16 × 256
         "paper": RunConfig(preset="paper", worlds=16, rollouts=2, updates=30, batch_size=16 * 256),
-        # about an hour on one core for stack2
+        # found by experiment: docs/presets.md
         "laptop": RunConfig(
             preset="laptop",
-            epochs=50,
+            epochs=40,
             cycles=40,
             worlds=64,
             rollouts=1,
@@ -174,7 +195,7 @@ PRESETS = MappingProxyType(
 PRESET_LINES = MappingProxyType(
     {
         "paper": "the paper's full scale: 500 epochs, 40 M steps; days on 16 cores",
-        "laptop": "about an hour on one core for stack2",
+        "laptop": "half an hour to an hour on one core for stack2",
         "smoke": "a minute: shows that everything works, learns next to nothing",
     }
 )
@@ -196,12 +217,20 @@ def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> li
     return found
 
 
-def _build(cls: type, values: Any, path: str) -> Any:
+def _settings(method: str, values: Any) -> Any:
+    """The `Config` of a curiosity method from plain values; raises ValueError where they do not fit."""
+    reward = parse_spec(method).reward
+    if reward is None:
+        raise ValueError(f"unknown config field method_config: {method} has no settings")
+    return _build(reward.Config, values, "method_config.")
+
+
+def _build(cls: type, values: Any, path: str, optional: AbstractSet[str] = frozenset()) -> Any:
     """An instance of dataclass `cls` from plain values that name each of its fields once."""
     if not isinstance(values, dict):
         raise ValueError(f"config {path.rstrip('.') or 'file'} is {values!r}; expected an object with named fields")
     names = {f.name for f in fields(cls)}
-    for found, kind in ((values.keys() - names, "unknown"), (names - values.keys(), "missing")):
+    for found, kind in ((values.keys() - names, "unknown"), (names - values.keys() - optional, "missing")):
         if found:
             raise ValueError(f"{kind} config field {path}{min(found)}")
     hints = get_type_hints(cls)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from curiobench.config import PRESET_LINES
-from curiobench.methods import sac
-from curiobench.methods.registry import available_specs, parse_spec
+from curiobench.methods.registry import ALIASES, HYBRID, available_specs, parse_spec
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import TASKS, n_blocks_of
 
@@ -39,6 +38,11 @@ def _task_line(task: str) -> str:
 
 
 def _method_line(spec: str) -> str:
-    """First line of the docstring of the method's class, or of the agent's module for `sac`."""
-    doc = parse_spec(spec).reward.__doc__ if parse_spec(spec).reward else sac.__doc__
-    return (doc or "").strip().splitlines()[0]
+    """The method's idea and paper."""
+    parsed = parse_spec(spec)
+    if parsed.reward is None:
+        return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
+    if parsed.hybrid:
+        alias = " (Han et al. 2023)" if spec in ALIASES else ""
+        return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism{alias}"
+    return f"{parsed.reward.idea} ({parsed.reward.paper})"

@@ -1,7 +1,7 @@
 """Arguments of `curiobench train`: every field of `RunConfig` is a flag, and a preset gives their defaults."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +10,7 @@ import tyro
 
 from curiobench.arguments import parse
 from curiobench.config import PRESET_NAMES, PRESETS, RunConfig
+from curiobench.methods.registry import parse_spec
 from curiobench.run_folder import read_config
 from curiobench.tasks.registration import check_name
 
@@ -34,6 +35,7 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     """Arguments of a training run.
 
     Defaults are those of the preset that `--preset` names, or of the folder's own config where `--resume` finds one.
+    `--method` decides which settings `--method.…` there are.
 
     Raises:
         ValueError: an unknown preset, an illegal value, or arguments that are not understood; one line.
@@ -44,7 +46,22 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
         defaults = read_config(Path(out))
     else:
         defaults = PRESETS[check_name("preset", preset or "laptop", PRESET_NAMES)]
-    return parse(TrainArguments, "train", arguments, TrainArguments(out=tyro.MISSING, config=defaults))
+    method = parse_spec(_last_value(arguments, "--method") or defaults.method).text
+    if method != defaults.method:
+        defaults = replace(defaults, method=method, method_config=None)
+    if defaults.method_config is None:
+        return parse(TrainArguments, "train", arguments, TrainArguments(out=tyro.MISSING, config=defaults))
+    kind = _with_settings(type(defaults.method_config))
+    parsed = parse(kind, "train", arguments, kind(out=tyro.MISSING, config=defaults, settings=defaults.method_config))
+    return replace(parsed, config=replace(parsed.config, method_config=parsed.settings))
+
+
+def _with_settings(settings: type) -> type[TrainArguments]:
+    """`TrainArguments` with the fields of a curiosity method's `Config` as flags, `--method.k` for its field `k`."""
+    flags = Annotated[settings, tyro.conf.arg(name="method", help="The curiosity method.")]
+    kind = make_dataclass("TrainArguments", [("settings", flags, None)], bases=(TrainArguments,), frozen=True)
+    kind.__doc__ = TrainArguments.__doc__
+    return kind
 
 
 def _last_value(arguments: Sequence[str], flag: str) -> str | None:

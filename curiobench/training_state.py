@@ -73,7 +73,8 @@ def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSe
     """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
     check_device(config.device)
     generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
-    return make_agent(config.method, pair_layout(goal_space), config.sac, generator)
+    layout = pair_layout(goal_space)
+    return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
 
 
 class TrainingState:

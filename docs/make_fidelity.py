@@ -26,7 +26,7 @@ def robots_table() -> str:
     measured = {robot: _robot_facts(robot) for robot in ROBOTS}
     for fact, paper in measured["fetch"].items():
         rows.append([fact, paper[0], measured["fetch"][fact][1], measured["gripper"][fact][1]])
-    return _markdown(["", "expected", "`fetch`", "`gripper`"], rows)
+    return markdown(["", "expected", "`fetch`", "`gripper`"], rows)
 
 
 def _robot_facts(robot: str) -> dict[str, tuple[str, str]]:
@@ -67,7 +67,7 @@ def open_loop_table() -> str:
     for name in fidelity.GOALS:
         distance, same, _ = fidelity.open_loop(fidelity.scripted_actions(name, 100))
         rows.append([f"`{name}` as played on the arm, 50 steps", *_agreement(distance[-1], same[-1])])
-    return _markdown(["actions", "cases", "median gap (mm)", "hands within 1 cm", "same predicates"], rows)
+    return markdown(["actions", "cases", "median gap (mm)", "hands within 1 cm", "same predicates"], rows)
 
 
 def _agreement(distance: np.ndarray, same: np.ndarray) -> list[str]:
@@ -78,10 +78,11 @@ def _agreement(distance: np.ndarray, same: np.ndarray) -> list[str]:
 def speed_table() -> str:
     """The stepping benchmark's ratios as markdown."""
     rows = [[name, f"{value:,.2f}" if value < 100 else f"{value:,.0f}"] for name, value in stepping.measure().items()]
-    return _markdown(["", "measured"], rows)
+    return markdown(["", "measured"], rows)
 
 
-def _markdown(head: list[str], rows: list[list[str]]) -> str:
+def markdown(head: list[str], rows: list[list[str]]) -> str:
+    """A table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
@@ -99,9 +100,9 @@ def draw(robot: str) -> None:
     iio.imwrite(DOCS / "images" / f"{robot}_stacks_three.png", np.hstack(pictures))
 
 
-def replace_section(text: str, name: str, content: str) -> str:
+def replace_section(text: str, name: str, content: str, command: str = "make fidelity") -> str:
     """`text` with what stands between the markers of section `name` replaced."""
-    begin, end = f"<!-- {name}: made by `make fidelity` -->", f"<!-- end of {name} -->"
+    begin, end = f"<!-- {name}: made by `{command}` -->", f"<!-- end of {name} -->"
     before, rest = text.split(begin)
     return before + begin + "\n" + content + "\n" + end + rest.split(end)[1]
 

@@ -1,5 +1,4 @@
-"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, Eqs. 7-11): novel, but
-controlled.
+"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270): novel, but controlled.
 
 The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are
 estimated apart and added with weights of their own:
@@ -18,12 +17,14 @@ past batches.
 What the paper leaves open, and what we chose:
 
 - The particles among which neighbours are searched are the next states of the sampled minibatch.
-- D_G overflows in many dimensions: with m = 1, r_C is softplus(log D_G), and in general log m + softplus(log D_G -
-  log m). It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0: a state that the model
+- D_G overflows in many dimensions, so r_C is computed as log m + softplus(log D_G - log m): softplus(log D_G) for
+  m = 1. It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0: a state that the model
   does not know loses nothing but the bonus, and curiosity decides.
 - Mean and log-std come from one perceptron; the log-std is squashed into a range. Its lower end says which precision
   counts no more: else a dimension that never moves would be infinitely sharp and outweigh all others. Squashed, not
   clipped: at a clipped bound the gradient vanishes, and a model that became too sure could not recover.
+- The mean is s' itself, not a change added to s: that would be sharp from the start for whatever stands still, also
+  where the model has never been.
 - The "reparameterisation trick" that the paper mentions is not needed: nothing is sampled.
 - The paper's list of settings calls xi "gamma" once.
 """

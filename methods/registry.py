@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import torch
 
 from curiobench.methods.dac import DAC
+from curiobench.methods.hybrid import HybridAgent, HybridConfig
 from curiobench.methods.icm import ICM
 from curiobench.methods.mi import MI
 from curiobench.methods.networks import PairLayout
@@ -17,8 +18,11 @@ from curiobench.methods.sac import SAC, SACConfig
 REWARDS: dict[str, type[IntrinsicReward]] = {"icm": ICM, "rnd": RND, "dac": DAC, "re3": RE3, "mi": MI}
 """Curiosity methods by spec."""
 
-PLANNED = ("mihm",)
-"""Specs of the benchmark whose code does not exist yet, beside `X+hm` for every method X."""
+HYBRID = "+hm"
+"""Behind a curiosity method's spec: that method under the hybrid policy mechanism."""
+
+ALIASES = {"mihm": "mi+hm"}
+"""Other names of specs; the paper calls its method MIHM."""
 
 
 @dataclass(frozen=True)
@@ -26,33 +30,43 @@ class MethodSpec:
     """A parsed method spec."""
 
     text: str
-    """As written, in lower case."""
+    """The spec's one form: lower case, aliases resolved."""
     reward: type[IntrinsicReward] | None
     """The curiosity method; None for `sac`."""
+    hybrid: bool = False
+    """Whether the hybrid policy mechanism collects."""
 
 
 def available_specs() -> list[str]:
-    """Every spec that `make_agent` accepts."""
-    return ["sac", *REWARDS]
+    """Every spec that `make_agent` accepts, aliases last."""
+    return ["sac", *REWARDS, *(name + HYBRID for name in REWARDS), *ALIASES]
 
 
 def parse_spec(text: str) -> MethodSpec:
     """Read a method spec.
 
-    Raises ValueError, which names the nearest legal spec, or says that a planned method is not implemented yet.
+    Raises ValueError, which names the nearest legal spec.
     """
     spec = text.strip().lower()
+    spec = ALIASES.get(spec, spec)
     if spec in available_specs():
-        return MethodSpec(spec, REWARDS.get(spec))
+        name = spec.removesuffix(HYBRID)
+        return MethodSpec(spec, REWARDS.get(name), hybrid=name != spec)
     legal = ", ".join(available_specs())
-    base, plus, mechanism = spec.partition("+")
-    if base in (*PLANNED, *REWARDS) and (not plus or (mechanism == "hm" and base != "mihm")):
-        raise ValueError(f"method {text!r} is not implemented yet; available: {legal}")
+    if spec == "sac" + HYBRID:
+        raise ValueError(f"method {text!r}: the hybrid mechanism needs a curiosity method; available: {legal}")
     near = difflib.get_close_matches(spec, available_specs(), n=1, cutoff=0.0)
     raise ValueError(f"unknown method {text!r}; the nearest is {near[0]!r}; available: {legal}")
 
 
-def make_agent(spec: str, layout: PairLayout, config: SACConfig, generator: torch.Generator) -> SAC:
+def make_agent(
+    spec: str,
+    layout: PairLayout,
+    config: SACConfig,
+    generator: torch.Generator,
+    hybrid: HybridConfig | None = None,
+    settings: object | None = None,
+) -> SAC:
     """The agent of a method spec, on the generator's device.
 
     Args:
@@ -60,10 +74,15 @@ def make_agent(spec: str, layout: PairLayout, config: SACConfig, generator: torc
         layout: where blocks and predicate bits stand in observations and goals.
         config: settings of the agent.
         generator: source of all randomness of agent and method.
+        hybrid: settings of the hybrid policy mechanism, used with `+hm` only; its defaults if None.
+        settings: of the curiosity method, an instance of its `Config`; its defaults if None.
     """
-    reward = parse_spec(spec).reward
-    intrinsic = None
-    if reward is not None:
-        goals = {"goal_size": layout.goal_size} if reward.uses_policy else {}
-        intrinsic = reward(layout.observation_size, layout.action_size, reward.Config(), generator, **goals)
+    parsed = parse_spec(spec)
+    if parsed.reward is None:
+        return SAC(layout, config, generator)
+    goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
+    sizes = layout.observation_size, layout.action_size
+    intrinsic = parsed.reward(*sizes, settings or parsed.reward.Config(), generator, **goals)
+    if parsed.hybrid:
+        return HybridAgent(layout, config, generator, intrinsic, hybrid)
     return SAC(layout, config, generator, intrinsic)

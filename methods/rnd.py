@@ -1,5 +1,4 @@
-"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): novel is what a random network surprises
-in.
+"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): novel is where imitation still fails.
 
     target    f(s')    fixed, random
     predictor f^(s')   trained to imitate it, one hidden layer deeper
@@ -12,12 +11,11 @@ novel.
 
 Differences from the authors' code (openai/random-network-distillation), which works on images with PPO:
 
-- Perceptrons on the agent's normalised state, clipped to ±5 as there; half of it is sharp where they have
-  convolutions and 512 features. Their predictor has two more layers than the target, ours one: depth costs, inputs
-  are small.
-- Rectifiers where they have leaky ones.
+- Perceptrons on the agent's normalised state, clipped to ±5 as theirs, in place of convolutions. Their predictor has
+  two more layers than the target, ours one: depth costs time, and inputs are small.
+- Rectifiers where they have leaky ones in the convolutions.
 - The intrinsic reward has no value function and no discount of its own; the agent normalises and adds it.
-- The predictor learns from the whole batch; theirs from a random quarter when environments are many.
+- The predictor learns from the whole batch; theirs from a random share of it when environments are many.
 - No batch normalisation, there as here: in train mode it would move the target with the batch.
 """
 

@@ -22,6 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from curiobench.methods.capture import CapturedStep, StaticBatch
+from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import (
     Actor,
@@ -34,8 +35,6 @@ from curiobench.methods.networks import (
 )
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-
-Metrics = dict[str, Tensor]
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite losses to the next on CUDA, where a check stalls the device; else it is 1."""
@@ -70,7 +69,7 @@ class SACConfig:
     identities: bool = False
     """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
     tau: float = 0.2
-    """Weight of the z-scored intrinsic reward."""
+    """Weight of curiosity: of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
 
     def __post_init__(self) -> None:
         for name, legal in (("gamma", 0 <= self.gamma < 1), ("polyak", 0 < self.polyak <= 1), ("tau", self.tau >= 0)):
@@ -79,29 +78,6 @@ class SACConfig:
         for name in ("learning_rate", "target_every", "temperature", "hidden"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
-
-
-def soft_target(reward: Tensor, next_values: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float) -> Tensor:
-    """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions."""
-    return torch.addcmul(next_values.min(0).values, alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
-
-
-def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
-    """Values (2, B) against targets (B,)."""
-    loss = 0.5 * (values - target).square().mean(1).sum()
-    return loss, {"critic_loss": loss.detach(), "q": values.detach().mean(), "target_q": target.mean()}
-
-
-def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor) -> tuple[Tensor, Metrics]:
-    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,)."""
-    loss = torch.addcmul(-values.min(0).values, alpha, log_prob).mean()
-    return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean(), "temperature": alpha}
-
-
-def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float) -> tuple[Tensor, Metrics]:
-    """log alpha () and log-densities (B,)."""
-    loss = -log_alpha * (log_prob.detach().mean() + target_entropy)
-    return loss, {"temperature_loss": loss.detach()}
 
 
 class SAC:
@@ -131,13 +107,16 @@ class SAC:
         self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
         self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
         self.reward_moments = RunningMoments((), min_std=1e-8, device=self.device)
-        self._trained = [*self.actor.parameters(), *self.critics.parameters()]
-        self._trained += [self.log_alpha] if config.tune_temperature else []
-        on_cuda = self.device.type == "cuda"
-        self.optimiser = torch.optim.Adam(self._trained, lr=config.learning_rate, fused=True, capturable=on_cuda)
+        self._train([*self.actor.parameters(), *self.critics.parameters()])
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
         self.updates = 0
         self._static: StaticBatch | None = None
+
+    def _train(self, weights: list[nn.Parameter]) -> None:
+        """Set up Adam for these weights and, if it is tuned, the temperature."""
+        self._trained = [*weights, *([self.log_alpha] if self.config.tune_temperature else [])]
+        on_cuda = self.device.type == "cuda"
+        self.optimiser = torch.optim.Adam(self._trained, lr=self.config.learning_rate, fused=True, capturable=on_cuda)
 
     @torch.no_grad()
     def act(
@@ -202,30 +181,46 @@ class SAC:
         sample = squashed_gaussian(*distribution, noise[1])
         transitions = None
         if self.intrinsic is not None:
-            goals, wanted = batch.desired_goal[0], self.intrinsic.uses_policy
-            view = view_policy(distribution, sample, batch.action, goals) if wanted else None
-            transitions = Transitions(inputs.state, batch.action, next_inputs.state, epoch, view)
-            metrics |= self._add_intrinsic(self.intrinsic, batch.reward, transitions)
+            transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
+            _, normalised, learned = self._curiosity(self.intrinsic, transitions)
+            batch.reward.add_(normalised, alpha=self.config.tau)
+            metrics |= learned
         target = self._target(next_inputs, batch.reward, noise[0])
         losses, more = self._losses(inputs, batch, target, sample, transitions)
+        self._descend(losses)
+        return metrics | more
+
+    def _descend(self, losses: dict[str, Tensor]) -> None:
+        """One step down the sum of losses; on a CPU, after a look whether they are finite."""
         if self.device.type == "cpu":
             self._check(losses)
         gradients = torch.autograd.grad(sum(losses.values()), self._trained)
         for parameter, gradient in zip(self._trained, gradients, strict=True):
             parameter.grad = gradient
         self.optimiser.step()
-        return metrics | more
+
+    def _transitions(
+        self,
+        batch: StaticBatch,
+        states: tuple[Tensor, Tensor],
+        epoch: int,
+        distribution: tuple[Tensor, Tensor],
+        sample: tuple[Tensor, Tensor],
+    ) -> Transitions:
+        """What the curiosity method sees, from states (B, D) before and after the step and the policy that explores."""
+        wanted = self.intrinsic is not None and self.intrinsic.uses_policy
+        view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if wanted else None
+        return Transitions(states[0], batch.action, states[1], epoch, view)
 
     @torch.no_grad()
-    def _add_intrinsic(self, method: IntrinsicReward, reward: Tensor, transitions: Transitions) -> Metrics:
-        """Turn r_ext (B,) into r_ext + tau · n(r_int), in place, and let the method learn."""
+    def _curiosity(self, method: IntrinsicReward, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
+        """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
         raw = method.reward(transitions)
         normalised = self.reward_moments.normalise(raw)
         self.reward_moments.update(raw)
-        reward.add_(normalised, alpha=self.config.tau)
         with torch.enable_grad():
             learned = method.update(transitions)
-        return {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
+        return raw, normalised, {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
 
     @torch.no_grad()
     def _target(self, next_inputs: PairInputs, reward: Tensor, noise: Tensor) -> Tensor:
@@ -248,10 +243,7 @@ class SAC:
         """
         action, log_prob = sample
         stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
-        penalty = log_prob
-        if self.intrinsic is not None and transitions is not None:
-            term = self.intrinsic.policy_loss_term(transitions, batch.desired_goal[0], action)
-            penalty = log_prob if term is None else log_prob + term
+        penalty = self._penalty(transitions, batch.desired_goal[0], action, log_prob)
         found = {
             "critics": critic_loss(stored, target),
             "policy": policy_loss(own, penalty, self.log_alpha.detach().exp()),
@@ -260,6 +252,15 @@ class SAC:
             found["temperature"] = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
         metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
         return {name: loss for name, (loss, _) in found.items()}, metrics
+
+    def _penalty(
+        self, transitions: Transitions | None, desired_goal: Tensor, action: Tensor, log_prob: Tensor
+    ) -> Tensor:
+        """log pi (B,) of the policy's actions (B, A), plus what the curiosity method adds to it in its loss."""
+        if self.intrinsic is None or transitions is None:
+            return log_prob
+        term = self.intrinsic.policy_loss_term(transitions, desired_goal, action)
+        return log_prob if term is None else log_prob + term
 
     def _check(self, losses: dict[str, Tensor]) -> None:
         """Raise NonFiniteError unless all losses are finite. Waits for the device."""

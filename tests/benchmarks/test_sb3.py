@@ -65,4 +65,6 @@ def test_updates_a_second(benchmark, capsys, task, batch, hidden):
     ways = {"ours": our_updates(task, batch, hidden), "sb3": their_updates(task, batch, hidden)}
     seconds = benchmark.pedantic(side_by_side, args=(ways, 10), rounds=1)
     with capsys.disabled():
-        print(f"\n  {task}, batch {batch}, hidden {hidden}: {ratio(seconds, 'sb3', 'ours'):.2f} × their updates a second")
+        print(
+            f"\n  {task}, batch {batch}, hidden {hidden}: {ratio(seconds, 'sb3', 'ours'):.2f} × their updates a second"
+        )

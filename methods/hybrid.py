@@ -1,0 +1,247 @@
+"""The hybrid policy mechanism (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, sections 4.2 and 4.3), for any reward.
+
+Curiosity decides where data comes from, and no more: the policy that is evaluated never learns from it.
+
+    Q_ext(s, a, g)     twin critics on r_ext alone: y = r_ext + gamma · (min_k Q'_k - alpha_d · log pi_d),  a_d' ~ pi_d
+    Q_int(s, a)        on r_int alone, bootstrapped with a_c' ~ pi_c; see intrinsic_value.py
+    pi_d, to exploit   SAC on Q_d = min_k Q_k                                                              (Eq. 14)
+    pi_c, to explore   SAC on Q_c = min_k Q_k + tau · n_PopArt(Q_int)                                      (Eq. 13)
+    collecting         a_d if Q_c(s, a_c, g) < Q_d(s, a_d, g), else a_c; every step, every world           (Eq. 15)
+    evaluation         pi_d, its mode
+
+What the paper leaves open, and what we chose:
+
+- "Q_ext" in Q_c and Q_d, also in Eq. 15, is the lesser of the twin critics, which is what both policies climb.
+- Q_ext has SAC's entropy of pi_d in its bootstrap, Q_int none; V_c and V_d in Eq. 15 have no entropy of their own.
+- Both policies share their noise, and pi_c starts as a copy of pi_d. Each loss is as it would be with noise of its own,
+  Eq. 15 compares like with like (where Q_int is flat, its sign decides and not the draw), and with tau = 0 both stay
+  equal to the bit: the agent is then SAC on r_ext.
+- Each policy has its own temperature, all weights one Adam.
+- A method's term in the policy's loss (DAC's) goes to pi_c, and so does its view of the policy: it shapes exploration,
+  and in pi_d it would bring back the distraction that the mechanism removes.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from curiobench.methods.capture import StaticBatch
+from curiobench.methods.intrinsic_value import MEMBERS, IntrinsicValues
+from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
+from curiobench.methods.networks import LOG_STD_RANGE, Actor, PairInputs, PairLayout, squashed_gaussian
+from curiobench.methods.reward import IntrinsicReward, Transitions
+from curiobench.methods.sac import SAC, SACConfig
+
+EXPLOIT, EXPLORE = 0, 1
+"""pi_d and pi_c, wherever a tensor has one entry a policy."""
+
+
+@dataclass(frozen=True)
+class HybridConfig:
+    """Settings of the hybrid policy mechanism; without `+hm` in the method they do nothing."""
+
+    q_int_normalisation: Literal["popart", "zscore"] = "popart"
+    """What explores: Q_int under PopArt, or Q_int of the z-scored reward, which the paper compares in Figure 6."""
+    popart_rate: float = 3e-4
+    """Share of a batch in PopArt's statistics, in (0, 1]; that of Hessel et al. 2018."""
+
+    def __post_init__(self) -> None:
+        if self.q_int_normalisation not in MEMBERS:
+            legal = " and ".join(map(repr, MEMBERS))
+            raise ValueError(f"q_int_normalisation is {self.q_int_normalisation!r}; legal are {legal}")
+        if not 0 < self.popart_rate <= 1:
+            raise ValueError(f"popart_rate is {self.popart_rate}; it must lie in (0, 1]")
+
+
+class PolicyPair(nn.Module):
+    """pi_d and pi_c, evaluated together; both start as the given actor."""
+
+    def __init__(self, actor: Actor) -> None:
+        super().__init__()
+        self.body_size, self.net = actor.body_size, actor.net
+        for name, weights in list(self.net.named_parameters()):
+            setattr(self.net, name, nn.Parameter(weights.detach().repeat(2, 1, 1)))
+
+    def forward(self, inputs: PairInputs) -> tuple[Tensor, Tensor]:
+        """Mean and log standard deviation, each (2, B, A), of the actions before squashing."""
+        mean, log_std = self.net(inputs.state[None, :, : self.body_size], inputs.pairs)[:, 0].chunk(2, dim=-1)
+        return mean, log_std.clamp(*LOG_STD_RANGE)
+
+    def sample(self, inputs: PairInputs, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (2, B, A) and their log-densities (2, B), both from the same standard normal noise (B, A)."""
+        return squashed_gaussian(*self(inputs), noise)
+
+
+class HybridAgent(SAC):
+    """SAC on r_ext, whose critics and policy learn from what a second, curious policy collects where it promises more.
+
+    Everything that `SAC` holds once is here the exploiting policy's; `actor` and `log_alpha` hold both policies'.
+    """
+
+    _STATEFUL = (*SAC._STATEFUL, "intrinsic_values")
+
+    def __init__(
+        self,
+        layout: PairLayout,
+        config: SACConfig,
+        generator: torch.Generator,
+        intrinsic: IntrinsicReward,
+        hybrid: HybridConfig | None = None,
+    ) -> None:
+        """
+        Args:
+            layout: where blocks and predicate bits stand in observations and goals.
+            config: settings of both policies and all critics; tau weighs Q_int.
+            generator: its device is the agent's.
+            intrinsic: the curiosity method.
+            hybrid: settings of the mechanism; its defaults if None.
+        """
+        super().__init__(layout, config, generator, intrinsic)
+        hybrid = hybrid or HybridConfig()
+        self.actor = PolicyPair(self.actor)
+        self.log_alpha = nn.Parameter(self.log_alpha.detach().repeat(2))
+        self.intrinsic_values = IntrinsicValues(
+            layout, config.hidden, config.layer_norm, config.gamma, hybrid.popart_rate, generator
+        )
+        self._explores_by = MEMBERS.index(hybrid.q_int_normalisation)
+        values = self.intrinsic_values
+        self._train([*self.actor.parameters(), *self.critics.parameters(), *values.net.parameters()])
+        self._targets += values.target_net.parameters()
+        self._sources += values.net.parameters()
+        self._exploited = self._acted = 0
+        self._share_exploitation: float | None = None
+
+    @torch.no_grad()
+    def act(
+        self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray, deterministic: bool = False
+    ) -> np.ndarray:
+        """Actions (N, A) of all worlds at once; arguments as in `SAC.act`.
+
+        Each world's action is pi_d's or pi_c's, by Eq. 15; with `deterministic` the mode of pi_d, and then neither the
+        generator nor the count of pi_d's share is touched.
+        """
+        inputs = self.encoder.encode(*self._tensors(observation, achieved_goal, desired_goal))
+        if deterministic:
+            return self.actor(inputs)[0][EXPLOIT].tanh().cpu().numpy()
+        shape = (len(observation), self.layout.action_size)
+        noise = torch.randn(shape, generator=self.generator, device=self.device)
+        actions, _ = self.actor.sample(inputs, noise)
+        value_d, value_c = self._values(inputs, actions)
+        exploit = value_c < value_d
+        self._exploited += int(exploit.sum())
+        self._acted += len(exploit)
+        return torch.where(exploit.unsqueeze(1), actions[EXPLOIT], actions[EXPLORE]).cpu().numpy()
+
+    def _values(self, inputs: PairInputs, actions: Tensor) -> Tensor:
+        """Q_d(s, a_d, g) and Q_c(s, a_c, g) together (2, N), of actions (2, N, A)."""
+        values = self.critics(inputs, actions).min(0).values
+        values[EXPLORE] += (
+            self.config.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
+        )
+        return values
+
+    @torch.no_grad()
+    def q_int(self, observation: np.ndarray, action: np.ndarray) -> dict[str, np.ndarray]:
+        """Q_int of given actions, to look at.
+
+        Args:
+            observation: (N, D), raw.
+            action: (N, A) in [-1, 1].
+
+        Returns:
+            "popart" and "zscore", the two normalised values (N,); "raw", the one under PopArt in the unit of r_int.
+        """
+        no_goal = np.zeros((len(observation), self.layout.goal_size))
+        state = self.encoder.encode(*self._tensors(observation, no_goal, no_goal)).state
+        values = self.intrinsic_values(state, next(iter(self._tensors(action))).unsqueeze(0))[:, 0]
+        found = dict(zip(MEMBERS, values, strict=True))
+        found["raw"] = self.intrinsic_values.popart.denormalise(found["popart"])
+        return {name: value.cpu().numpy() for name, value in found.items()}
+
+    def _learn(self, batch: StaticBatch, epoch: int) -> Metrics:
+        """As `SAC._learn`, whose metrics are pi_d's and Q_ext's here. Beside them: explorer_policy_loss,
+        explorer_entropy, explorer_temperature (and explorer_temperature_loss), pi_c's; those of `IntrinsicValues.loss`;
+        and share_exploitation, pi_d's share of the steps collected last.
+        """
+        inputs, next_inputs = self.encoder.encode_rows(batch.rows)
+        noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
+        distributions = self.actor(inputs)
+        sample = squashed_gaussian(*distributions, noise[1])
+        explorer = [(first[EXPLORE], second[EXPLORE]) for first, second in (distributions, sample)]
+        transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, *explorer)
+        raw, normalised, learned = self._curiosity(self.intrinsic, transitions)
+        targets = self._both_targets(next_inputs, batch.reward, (raw, normalised), noise[0])
+        losses, metrics = self._all_losses(inputs, batch, targets, sample, transitions)
+        self._descend(losses)
+        return {"reward": batch.reward.mean()} | learned | metrics | self._latest_share()
+
+    @torch.no_grad()
+    def _both_targets(
+        self, next_inputs: PairInputs, reward: Tensor, curiosity: tuple[Tensor, Tensor], noise: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Targets of Q_ext (B,) and of both Q_int (2, B), from r_ext and r_int, raw and z-scored, each (B,)."""
+        actions, log_probs = self.actor.sample(next_inputs, noise)
+        next_values = self.target_critics(next_inputs, actions[:EXPLORE]).squeeze(1)
+        alpha = self.log_alpha[EXPLOIT].exp()
+        target = soft_target(reward, next_values, log_probs[EXPLOIT], alpha, self.config.gamma)
+        of_curiosity = self.intrinsic_values.targets(next_inputs.state, actions[EXPLORE], *curiosity)
+        if self.device.type == "cpu":  # before PopArt writes them into weights
+            self._check({"target of q_int": of_curiosity.sum()})
+        return target, self.intrinsic_values.adapt(of_curiosity)
+
+    def _all_losses(
+        self,
+        inputs: PairInputs,
+        batch: StaticBatch,
+        targets: tuple[Tensor, Tensor],
+        sample: tuple[Tensor, Tensor],
+        transitions: Transitions,
+    ) -> tuple[dict[str, Tensor], Metrics]:
+        """Losses by name, all at the same weights, and metrics; from the policies' actions (2, B, A) and log-densities.
+
+        No loss reaches another's weights: critics pass gradients of the policies' actions on to those actions only.
+        """
+        actions, log_probs = sample
+        stored, *own = self.critics(inputs, torch.cat([batch.action.unsqueeze(0), actions]), trained=1).unbind(1)
+        curious = torch.stack([batch.action, actions[EXPLORE]])
+        stored_int, own_int = self.intrinsic_values(inputs.state, curious, trained=1).unbind(1)
+        own[EXPLORE] = own[EXPLORE] + self.config.tau * own_int[self._explores_by]
+        penalties = list(log_probs)
+        penalties[EXPLORE] = self._penalty(transitions, batch.desired_goal[0], actions[EXPLORE], log_probs[EXPLORE])
+        found = {
+            "critics": critic_loss(stored, targets[0]),
+            "q_int": self.intrinsic_values.loss(stored_int, targets[1]),
+        }
+        for policy, name in ((EXPLOIT, ""), (EXPLORE, "explorer_")):
+            alpha = self.log_alpha[policy]
+            found[f"{name}policy"] = _named(name, policy_loss(own[policy], penalties[policy], alpha.detach().exp()))
+            if self.config.tune_temperature:
+                loss = temperature_loss(alpha, log_probs[policy], -float(self.layout.action_size))
+                found[f"{name}temperature"] = _named(name, loss)
+        metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
+        return {name: loss for name, (loss, _) in found.items()}, metrics
+
+    def _latest_share(self) -> Metrics:
+        """pi_d's share of the steps since the last update that followed any; nothing before the first step."""
+        if self._acted:
+            self._share_exploitation = self._exploited / self._acted
+            self._exploited = self._acted = 0
+        share = self._share_exploitation
+        return {} if share is None else {"share_exploitation": torch.tensor(share, device=self.device)}
+
+    def state_dict(self) -> dict[str, Any]:
+        """As `SAC.state_dict`, with Q_int and the counts of pi_d's share."""
+        return super().state_dict() | {"choices": [self._exploited, self._acted, self._share_exploitation]}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """As `SAC.load_state_dict`."""
+        super().load_state_dict(state)
+        self._exploited, self._acted, self._share_exploitation = state["choices"]
+
+
+def _named(prefix: str, loss: tuple[Tensor, Metrics]) -> tuple[Tensor, Metrics]:
+    """A loss whose metrics' names begin with `prefix`."""
+    return loss[0], {prefix + name: value for name, value in loss[1].items()}

@@ -1,0 +1,29 @@
+"""Soft actor-critic's targets and losses (Haarnoja et al. 2018, arXiv 1812.05905), as pure functions of a batch."""
+
+from torch import Tensor, addcmul
+
+Metrics = dict[str, Tensor]
+"""Scalar tensors by name."""
+
+
+def soft_target(reward: Tensor, next_values: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float) -> Tensor:
+    """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions."""
+    return addcmul(next_values.min(0).values, alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
+
+
+def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
+    """Values (2, B) against targets (B,) of both, or (2, B) of each."""
+    loss = 0.5 * (values - target).square().mean(1).sum()
+    return loss, {"critic_loss": loss.detach(), "q": values.detach().mean(), "target_q": target.mean()}
+
+
+def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor) -> tuple[Tensor, Metrics]:
+    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,)."""
+    loss = addcmul(-values.min(0).values, alpha, log_prob).mean()
+    return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean(), "temperature": alpha}
+
+
+def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float) -> tuple[Tensor, Metrics]:
+    """log alpha () and log-densities (B,)."""
+    loss = -log_alpha * (log_prob.detach().mean() + target_entropy)
+    return loss, {"temperature_loss": loss.detach()}

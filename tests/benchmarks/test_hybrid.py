@@ -1,0 +1,44 @@
+"""What the hybrid policy mechanism costs: an update, and an action of 64 worlds, as multiples of its base method's.
+
+    pytest tests/benchmarks/test_hybrid.py --benchmark-only -s
+
+Base and hybrid are timed in turns in one process on the same batch, so that a busy machine slows both.
+"""
+
+import numpy as np
+import pytest
+import torch
+from side_by_side import ratio, side_by_side
+from test_learner import filled_replay, layout_of
+
+from curiobench.methods.process import tune_process
+from curiobench.methods.registry import REWARDS, make_agent
+from curiobench.methods.reward import Batch
+from curiobench.methods.sac import SACConfig
+
+TARGET = 2.0
+"""Largest cost of a hybrid's update beside its base's."""
+
+
+@pytest.mark.parametrize(("size", "hidden"), [(512, 64), (256, 256)])
+def test_hybrids_beside_their_bases(benchmark, capsys, size, hidden):
+    tune_process()
+    layout = layout_of(3)
+    batch = Batch.from_numpy(filled_replay(layout).sample(size, np.random.default_rng(1)))
+    raw = [getattr(batch, name)[:64].numpy() for name in ("observation", "achieved_goal", "desired_goal")]
+    specs = ["sac", *(f"{name}{mechanism}" for name in REWARDS for mechanism in ("", "+hm"))]
+    config = SACConfig(hidden=hidden)
+    agents = {spec: make_agent(spec, layout, config, torch.Generator().manual_seed(0)) for spec in specs}
+    calls = {spec: lambda agent=agent: agent.update(batch, epoch=1) for spec, agent in agents.items()}
+    calls |= {f"{spec} acts": lambda agent=agents[spec]: agent.act(*raw) for spec in ("sac", "rnd+hm")}
+    seconds = benchmark.pedantic(lambda: side_by_side(calls, rounds=12), rounds=1)
+    ratios = {name: ratio(seconds, f"{name}+hm", name) for name in REWARDS}
+    acting = ratio(seconds, "rnd+hm acts", "sac acts")
+    with capsys.disabled():
+        found = ", ".join(f"{name} {value:.2f}" for name, value in ratios.items())
+        sac_ms = 1e3 * np.median(seconds["sac"])
+        print(
+            f"\nbatch {size}, hidden {hidden}: sac {sac_ms:.1f} ms; hybrid / base: {found}; acting / sac {acting:.2f}"
+        )
+    benchmark.extra_info.update(ratios, acting=acting)
+    assert {name: value for name, value in ratios.items() if value > TARGET} == {}

@@ -1,0 +1,66 @@
+"""What the tests of curiosity methods share: transitions, fresh methods, plain numpy networks, mistaken copies."""
+
+import inspect
+import sys
+
+import numpy as np
+import torch
+
+from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
+
+STATE, ACTION, GOAL = 3, 2, 4
+"""Sizes of states, actions and goals."""
+
+
+def transitions_of(state, action, next_state, epoch: int = 0, policy: PolicyView | None = None) -> Transitions:
+    """From anything that numpy reads, in float32."""
+    tensors = (torch.as_tensor(np.asarray(array), dtype=torch.float32) for array in (state, action, next_state))
+    return Transitions(*tensors, epoch, policy)
+
+
+def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transitions:
+    """Noise, with a view of a policy."""
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.tensor(rng.normal(size=shape), dtype=torch.float32)
+
+    goals = torch.tensor(rng.integers(0, 2, (size, GOAL)), dtype=torch.float32)
+    policy = PolicyView(goals, normal(size, ACTION).tanh(), normal(size), normal(size))
+    return Transitions(
+        normal(size, STATE), normal(size, ACTION).tanh(), normal(size, STATE).clamp(-5, 5), epoch, policy
+    )
+
+
+def fresh(method: type[IntrinsicReward], seed: int = 0, sizes: tuple[int, int] = (STATE, ACTION), **config):
+    """A method with small networks unless `config` says otherwise."""
+    config = {"hidden": 8} | config
+    goals = {"goal_size": GOAL} if method.uses_policy else {}
+    return method(*sizes, method.Config(**config), torch.Generator().manual_seed(seed), **goals)
+
+
+def shaken(method: IntrinsicReward, *networks: torch.nn.Module) -> IntrinsicReward:
+    """The method, its networks' biases (zero at first) set to something."""
+    generator = torch.Generator().manual_seed(9)
+    for network in networks:
+        for layer in network[::2]:
+            layer.bias.data.normal_(generator=generator)
+    return method
+
+
+def plain(network: torch.nn.Sequential, inputs: np.ndarray) -> np.ndarray:
+    """What a perceptron computes, in numpy and float64."""
+    layers = [(layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy()) for layer in network[::2]]
+    for weight, bias in layers[:-1]:
+        inputs = np.maximum(inputs @ weight.T + bias, 0)
+    weight, bias = layers[-1]
+    return inputs @ weight.T + bias
+
+
+def mutated(thing, old: str, new: str):
+    """A copy of a class or function with one expression of its source replaced: how a mistake would look."""
+    source = inspect.getsource(thing)
+    assert source.count(old) == 1
+    namespace = dict(vars(sys.modules[thing.__module__]))
+    exec(source.replace(old, new), namespace)
+    return namespace[thing.__name__]

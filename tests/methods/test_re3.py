@@ -1,0 +1,80 @@
+"""RE3: values in plain numpy, an encoder that never changes, rare states that score high."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+from curiosity import fresh, mutated, plain, random_transitions, shaken, transitions_of
+from test_sac import same_state
+
+from curiobench.methods.re3 import RE3
+
+
+def some_method(cls: type[RE3] = RE3, **config) -> RE3:
+    method = fresh(cls, features=3, **config)
+    return shaken(method, method.encoder)
+
+
+def expected(method: RE3, next_state: torch.Tensor, k: int) -> np.ndarray:
+    """log(1 + distance to the k-th nearest other) (B,), one state at a time."""
+    features = plain(method.encoder, next_state.double().numpy())
+    rewards = []
+    for i in range(len(features)):
+        others = np.delete(features, i, axis=0)
+        rewards.append(np.log(1 + np.sort(np.linalg.norm(others - features[i], axis=1))[k - 1]))
+    return np.array(rewards)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_reward_in_numpy(k):
+    method, batch = some_method(k=k, beta=2.0), random_transitions(8)
+    np.testing.assert_allclose(method.reward(batch), 2 * expected(method, batch.next_state, k), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("distances[:, -1]", "distances[:, -2]"), ("(transitions.next_state)", "(transitions.state)")],
+    ids=["counts the state itself", "state before the step"],
+)
+def test_mistakes_fail_the_values(old, new):
+    method, batch = some_method(mutated(RE3, old, new)), random_transitions(8)
+    assert not np.allclose(method.reward(batch), expected(method, batch.next_state, 3), rtol=0.05)
+
+
+def test_scale_decays_with_updates_and_not_with_rewards():
+    def scales(cls: type[RE3]) -> list[float]:
+        method, batch, found = some_method(cls, beta=2.0, decay=0.5), random_transitions(8), []
+        for _ in range(3):
+            method.reward(batch)
+            found.append(method.update(batch)["re3_scale"].item())
+        return found
+
+    assert scales(RE3) == [2.0, 1.0, 0.5]
+    counting_rewards = mutated(RE3, "distances = ", "self.updates += 1; distances = ")
+    assert scales(counting_rewards) != [2.0, 1.0, 0.5]
+
+
+def test_encoder_never_changes():
+    method = some_method()
+    before, batch = copy.deepcopy(method.encoder.state_dict()), random_transitions(8)
+    first = method.reward(batch)
+    for seed in range(5):
+        method.update(random_transitions(8, seed))
+    assert same_state(method.encoder.state_dict(), before)
+    assert torch.equal(method.reward(batch), first)
+    assert not any(weight.requires_grad for weight in method.encoder.parameters())
+
+
+def test_rare_states_score_higher_than_common_ones():
+    rng = np.random.default_rng(0)
+    states = np.concatenate([0.1 * rng.normal(size=(60, 3)), rng.uniform(-5, 5, (4, 3))])
+    rewards = fresh(RE3, hidden=32).reward(transitions_of(states, np.zeros((64, 2)), states))
+    assert rewards[60:].min() > 2 * rewards[:60].max()
+
+
+def test_settings_out_of_range_and_tiny_batches_are_refused():
+    with pytest.raises(ValueError, match="decay is 1"):
+        RE3.Config(decay=1.0)
+    with pytest.raises(ValueError, match="k is 3; 3 points"):
+        fresh(RE3).reward(random_transitions(3))
