@@ -1,7 +1,7 @@
 """Updates against stable-baselines3's SAC with HerReplayBuffer: same environment, batch size and hidden units.
 
-Both draw relabelled batches from 40 random episodes and make their gradient steps. Ours is a Deep Sets network over pairs
-of blocks, theirs a plain two-layer perceptron, which does fewer products.
+Both draw relabelled batches from 40 random episodes and make their gradient steps. Ours is a Deep Sets network over
+pairs of blocks, theirs a plain two-layer perceptron, which does fewer products.
 """
 
 import gymnasium

@@ -121,3 +121,30 @@ def test_resuming_takes_the_folders_own_config(finished):
     config = parse_train(["--out", str(finished), "--resume"]).config
     assert config.epochs == 3
     assert parse_train([f"--out={finished}", "--resume", "--epochs", "9"]).config == replace(config, epochs=9)
+
+
+def test_settings_of_a_method_come_from_the_command_line_and_survive_json():
+    parsed = parse_train(["--out", "x", "--method", "RE3+hm", "--method.k", "5"]).config
+    assert parsed.method == "re3+hm"
+    assert parsed.method_config.k == 5
+    assert RunConfig.from_json(json.loads(json.dumps(parsed.to_json()))) == parsed
+    default = parse_train(["--out", "x", "--method", "re3+hm"]).config
+    assert differences(default, parsed) == ["method_config.k is 3, not 5"]
+    assert default.fingerprint() != parsed.fingerprint()
+
+
+def test_sac_has_no_settings():
+    assert PRESETS["laptop"].method_config is None
+    with pytest.raises(ValueError, match=r"--method\.k"):
+        parse_train(["--out", "x", "--method.k", "5"])
+
+
+def test_settings_of_another_method_are_refused():
+    icm, rnd = (replace(PRESETS["smoke"], method=method) for method in ("icm", "rnd"))
+    with pytest.raises(ValueError, match="rnd takes a RNDConfig"):
+        replace(icm, method="rnd")
+    values = icm.to_json() | {"method": "rnd"}
+    with pytest.raises(ValueError, match=r"config field method_config\."):
+        RunConfig.from_json(values)
+    with pytest.raises(ValueError, match="sac has no settings"):
+        RunConfig.from_json(rnd.to_json() | {"method": "sac"})

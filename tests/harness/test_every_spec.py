@@ -1,0 +1,44 @@
+"""Each of the eleven specs trains in the harness: twice alike, and alike when it is stopped and resumed."""
+
+import os
+import signal
+from dataclasses import replace
+
+import pytest
+from tiny_runs import TINY, numbers
+
+from curiobench import training_state
+from curiobench.errors import Interrupted
+from curiobench.methods.registry import ALIASES, available_specs
+from curiobench.saved_agent import load_agent
+from curiobench.train import train
+
+SPECS = [spec for spec in available_specs() if spec not in ALIASES]
+UPDATES = 300
+
+
+def test_there_are_eleven_specs():
+    assert len(SPECS) == 11
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_trains_three_hundred_updates_twice_alike_and_resumes_alike(tmp_path, monkeypatch, spec):
+    config = replace(TINY, method=spec, method_config=None, updates=UPDATES // (TINY.epochs * TINY.cycles))
+    train(config, tmp_path / "once")
+    learn, calls = training_state.TrainingState.learn, 0
+
+    def learn_and_stop_once(state):
+        nonlocal calls
+        calls += 1
+        learn(state)
+        if calls == 3:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(training_state.TrainingState, "learn", learn_and_stop_once)
+    with pytest.raises(Interrupted):
+        train(config, tmp_path / "stopped")
+    train(config, tmp_path / "stopped", resume=True)
+    rows, evaluations = numbers(tmp_path / "once")
+    assert int(rows[-1]["updates"]) == UPDATES
+    assert (rows, evaluations) == numbers(tmp_path / "stopped")
+    assert load_agent(tmp_path / "stopped")[0] == config
