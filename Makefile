@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := OMP_NUM_THREADS=1 $(BIN)/python
 INSTALLED := $(VENV)/.installed
 
-.PHONY: setup quickstart test test-slow benchmark fidelity lint format clean
+.PHONY: setup quickstart test test-slow benchmark fidelity presets lint format clean
 
 setup: $(INSTALLED)
 
@@ -31,6 +31,9 @@ benchmark: $(INSTALLED)   ## ratios measured side by side; leave the machine alo
 
 fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its pictures
 	$(RUN) docs/make_fidelity.py
+
+presets: $(INSTALLED)   ## writes the tables of docs/presets.md from the runs in results/
+	$(RUN) docs/make_presets.py
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -60,6 +60,44 @@ class TableArguments:
     """Run folders."""
 
 
+@dataclass(frozen=True)
+class ProbeArguments:
+    """Show what curiosity thinks of scripted episodes: figures, numbers, and a controllability score a run.
+
+    Reads the newest checkpoints; the runs may still be training. All must be of one task and robot.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders."""
+    out: Path = Path("probe")
+    """Folder for figures and tables; files of the same names are replaced."""
+    starts: int = 20
+    """Plain starts from which each script is played."""
+    seed: int = 0
+    """Seed of the starts and of the reference play."""
+
+
+@dataclass(frozen=True)
+class NewMethodArguments:
+    """Write a curiosity method to start from: a commented file that trains as it is."""
+
+    name: tyro.conf.Positional[str]
+    """Name of the file, without .py; the class in it has the same name in CamelCase."""
+    out: Path = Path(".")
+    """Folder of the file; a file that is there already is not replaced."""
+
+
+@dataclass(frozen=True)
+class CheckArguments:
+    """Examine whether a curiosity method keeps the benchmark's rules, a line a property.
+
+    Each line begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
+    """
+
+    method: tyro.conf.Positional[str]
+    """Method spec, such as my_pkg.curiosity:Mine or rnd."""
+
+
 def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None) -> Arguments:
     """Read the arguments of a command.
 

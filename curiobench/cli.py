@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from curiobench.errors import Interrupted, RunFailed
+from curiobench.errors import CheckFailed, Interrupted, RunFailed
 
 USAGE = """usage: curiobench COMMAND [OPTIONS]
 
@@ -15,12 +15,15 @@ Which curiosity method helps a robot arm that is rewarded only at its goal?
   evaluate   test a run's agent on every goal
   video      film a run's agent while it pursues a goal
   table      learned goals of several runs, side by side
+  probe      curiosity of several runs along scripted episodes, and their controllability scores
+  new-method write a curiosity method of your own to start from
+  check      examine whether a curiosity method keeps the rules
 
 `curiobench COMMAND --help` explains a command. To begin:
 
   curiobench train --task stack2 --method sac --preset smoke --out runs/demo
 
-Exit codes: 0 done, 1 a run failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a checkpoint."""
+Exit codes: 0 done, 1 a run or check failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a checkpoint."""
 
 
 def list_choices(arguments: Sequence[str]) -> None:
@@ -89,12 +92,59 @@ def table(arguments: Sequence[str]) -> None:
         raise ValueError("not in the table: " + "; ".join(faults))
 
 
+def probe(arguments: Sequence[str]) -> None:
+    """Print controllability scores of runs, and draw their curiosity along scripted episodes."""
+    from curiobench.arguments import ProbeArguments, parse
+
+    parsed = parse(ProbeArguments, "probe", arguments)
+    from curiobench.probe_report import probe
+
+    table, notes, files = probe(parsed.runs, parsed.out, parsed.starts, parsed.seed)
+    print("\n".join([*notes, table, "", *map(str, files)]))
+
+
+def new_method(arguments: Sequence[str]) -> None:
+    """Write a curiosity method to start from, and say how it is tried."""
+    from curiobench.arguments import NewMethodArguments, parse
+
+    parsed = parse(NewMethodArguments, "new-method", arguments)
+    from curiobench.new_method import write_method
+
+    path, spec = write_method(parsed.name, parsed.out)
+    print(f"{path}: trains as it is. From its folder:\n")
+    print(f"  curiobench check {spec}")
+    print(f"  curiobench train --task stack2 --method {spec} --preset smoke --out runs/{parsed.name}")
+
+
+def check(arguments: Sequence[str]) -> None:
+    """Print what the conformance suite finds in a method; raises CheckFailed, after it, where a property fails."""
+    from curiobench.arguments import CheckArguments, parse
+
+    parsed = parse(CheckArguments, "check", arguments)
+    from curiobench.conformance import examine
+    from curiobench.methods.plugins import file_of
+    from curiobench.methods.process import tune_process
+    from curiobench.methods.registry import parse_spec
+
+    reward = parse_spec(parsed.method).reward
+    if reward is None:
+        raise ValueError(f"{parsed.method} has no curiosity method to check")
+    tune_process()
+    findings = examine(reward)
+    print("\n".join([f"{reward.__name__} in {file_of(reward)}", *map(str, findings)]))
+    if failed := sum(finding.verdict == "FAIL" for finding in findings):
+        raise CheckFailed(f"{parsed.method} fails {failed} of {len(findings)} properties")
+
+
 COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     "list": list_choices,
     "train": train,
     "evaluate": evaluate,
     "video": video,
     "table": table,
+    "probe": probe,
+    "new-method": new_method,
+    "check": check,
 }
 
 
@@ -110,7 +160,7 @@ def main() -> NoReturn:
         COMMANDS[command](arguments)
     except ValueError as error:
         _exit(error, 2)
-    except RunFailed as error:
+    except (RunFailed, CheckFailed) as error:
         _exit(error, 1)
     except Interrupted as error:
         _exit(error, 128 + error.signal_number)

@@ -21,7 +21,10 @@ from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
 CONFIG_VERSION = 1
-"""Raised whenever a field is added, removed or changes its meaning."""
+"""Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
+
+_ADDED_LATER = frozenset({"hybrid", "method_config"})
+"""Fields that configs of the first published runs lack; all of those were `sac`, which has neither."""
 
 
 def _check_at_least(config: Any, least: int, *names: str) -> None:
@@ -140,7 +143,7 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = _build(cls, values, "", optional={"method_config"})
+        config = _build(cls, values, "", optional=_ADDED_LATER)
         return config if settings is None else replace(config, method_config=_settings(config.method, settings))
 
     def decisive(self) -> dict[str, Any]:

@@ -5,6 +5,10 @@ class RunFailed(Exception):
     """A run stopped because of a fault in it; one line. What was written and its last checkpoint are kept."""
 
 
+class CheckFailed(Exception):
+    """A curiosity method breaks a rule; one line, after the report."""
+
+
 class Interrupted(Exception):
     """A run stopped because it was asked to, after a checkpoint."""
 

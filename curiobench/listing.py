@@ -38,8 +38,11 @@ def _task_line(task: str) -> str:
 
 
 def _method_line(spec: str) -> str:
-    """The method's idea and paper."""
-    parsed = parse_spec(spec)
+    """The method's idea and paper; what is wrong with it, where a method of an installed package cannot be loaded."""
+    try:
+        parsed = parse_spec(spec)
+    except ValueError as error:
+        return f"cannot be loaded: {error}"
     if parsed.reward is None:
         return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
     if parsed.hybrid:

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 from curiobench.config import CONFIG_VERSION, RunConfig, differences
 from curiobench.files import read_json, write_json
+from curiobench.methods.registry import traced
 
 FORMAT = "curiobench run"
 _BEFORE_CONFIG = {".lock", "config.json.partial"}
@@ -79,7 +80,7 @@ class RunFolder:
 
     def _write_config(self, command: Sequence[str]) -> None:
         record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
-        record |= {"versions": versions(), "command": list(command)}
+        record |= {"versions": versions(self.config.method), "command": list(command)}
         record |= {"created": datetime.now(UTC).isoformat(timespec="seconds")}
         try:
             write_json(self.path / "config.json", record)
@@ -186,10 +187,13 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def versions() -> dict[str, str | None]:
-    """Versions of Python and of the packages that decide the numbers, and the git commit of this one if it has any."""
+def versions(method: str) -> dict[str, str | None]:
+    """Versions of Python and of the packages that decide the numbers, and the git commit of this one if it has any.
+
+    Where the method spec `method` is of a method from outside, also that method's file and its digest.
+    """
     packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), **packages, "git_commit": git_commit()}
+    return {"python": platform.python_version(), **packages, "git_commit": git_commit()} | traced(method)
 
 
 def git_commit() -> str | None:

@@ -20,6 +20,11 @@ def load_agent(path: Path) -> tuple[RunConfig, SAC]:
 
     Raises ValueError where the folder is not a run's, has no checkpoint yet, or its checkpoint is damaged.
     """
+    return load_agent_and_epoch(path)[:2]
+
+
+def load_agent_and_epoch(path: Path) -> tuple[RunConfig, SAC, int]:
+    """As `load_agent`, with the epochs that the checkpoint's agent has completed."""
     config = read_config(path)
     tune_process(config.torch_threads)
     folder = path / "checkpoint"
@@ -31,4 +36,4 @@ def load_agent(path: Path) -> tuple[RunConfig, SAC]:
     with checkpoint.errors_named(folder):
         # a GPU's generator has another state than a CPU's; watching draws no random numbers
         agent.load_state_dict(saved[0] | {"generator": agent.state_dict()["generator"]})
-    return config, agent
+    return config, agent, saved[1]["counters"]["epoch"]

@@ -75,13 +75,13 @@ def format_runs(summaries: Sequence[RunSummary]) -> str:
         ]
         for s in summaries
     ]
-    return _align([head, *lines], left=3)
+    return align([head, *lines], left=3)
 
 
 def format_layers(layers: Layers) -> str:
     """Learned goals of each layer and in total."""
     lines = [[str(layer), *map(str, counts)] for layer, counts in layers.items()]
-    return _align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
+    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
 
 
 def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
@@ -97,7 +97,7 @@ def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
         ]
         for row in evaluation
     ]
-    return _align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
+    return align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
 
 
 def _total(layers: Layers) -> tuple[int, int]:
@@ -105,7 +105,7 @@ def _total(layers: Layers) -> tuple[int, int]:
     return sum(learned), sum(goals)
 
 
-def _align(lines: Sequence[Sequence[str]], left: int) -> str:
+def align(lines: Sequence[Sequence[str]], left: int) -> str:
     """Columns side by side, the first `left` of them flush left."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(

@@ -73,7 +73,7 @@ class Run:
         )
         if rows := read_rows(folder.path / "evaluations.csv"):
             self.display.evaluation(learned_by_layer(last_evaluation(rows)))
-        if changed := _changed_versions(folder.path):
+        if changed := _changed_versions(folder.path, config.method):
             self.display.note(f"resumed under other versions, numbers may differ: {changed}")
 
     def to_the_end(self) -> None:
@@ -180,10 +180,10 @@ class StopRequest:
             signal.signal(number, handler)
 
 
-def _changed_versions(path: Path) -> str:
+def _changed_versions(path: Path, method: str) -> str:
     """What is not of the version that the run was started under, as text; empty if all is."""
-    then = read_record(path)["versions"]
-    return ", ".join(f"{name} {now}, was {then.get(name)}" for name, now in versions().items() if then.get(name) != now)
+    then, now = read_record(path)["versions"], versions(method)
+    return ", ".join(f"{name} {now[name]}, was {then.get(name)}" for name in now if then.get(name) != now[name])
 
 
 def _kept(out: Path) -> str:

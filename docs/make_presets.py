@@ -1,10 +1,11 @@
 """Writes the tables of docs/presets.md from the runs kept in results/: `make presets`."""
 
-import csv
-import json
 from pathlib import Path
 
 from make_fidelity import markdown, replace_section
+
+from curiobench.config import PRESETS
+from curiobench.run_folder import read_config, read_rows
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS.parent / "results"
@@ -12,30 +13,27 @@ COMPARED_AT = 12
 """Epochs after which the variants are compared."""
 
 
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """Rows of a csv file, as text by column."""
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def variants_table() -> str:
-    """A row for each run of the preset search, and for the laptop run cut off at the same epoch."""
-    runs = [*sorted((RESULTS / "preset-search").iterdir()), *sorted((RESULTS / "laptop").iterdir())]
+    """A row for each run of the preset search, and for the laptop run at the same epochs."""
+    runs = [RESULTS / "laptop" / "stack2-sac-0", *sorted((RESULTS / "preset-search").iterdir())]
     rows = []
     for run in runs:
         progress = {int(row["epoch"]): row for row in read_rows(run / "progress.csv")}
         values = [f"{float(progress[epoch]['training_success_unsatisfied']):.3f}" for epoch in (4, 8, COMPARED_AT)]
-        rows.append([f"`{_overrides(run)}`", *values, f"{float(progress[COMPARED_AT]['q']):.1f}"])
+        rows.append([_overrides(run), *values, f"{float(progress[COMPARED_AT]['q']):.1f}"])
     return markdown(["laptop preset with", *(f"epoch {epoch}" for epoch in (4, 8, COMPARED_AT)), "Q at 12"], rows)
 
 
 def _overrides(run: Path) -> str:
-    """The options of a run's command that are not the same in all of them."""
-    command = json.loads((run / "config.json").read_text())["command"]
-    shared = ("--task", "--method", "--preset", "--out", "--epochs", "--evaluate-every")
-    words = iter(command[2:])
-    return " ".join(f"{word} {next(words)}" if word != "--sac.no-layer-norm" else word
-                    for word in words if word not in shared or not next(words))  # fmt: skip
+    """The settings in which a run differs from the laptop preset, its length aside."""
+    config, preset = read_config(run).to_json(), PRESETS["laptop"].to_json()
+    changed = [
+        f"{part}.{name} = {value}"
+        for part in ("sac", "replay")
+        for name, value in config[part].items()
+        if value != preset[part][name]
+    ]
+    return ", ".join(changed) or "nothing changed"
 
 
 def laptop_table() -> str:

@@ -1,4 +1,7 @@
-"""Which methods exist, and how a method spec such as `sac` becomes an agent. The one place to register a method."""
+"""Which methods exist, and how a method spec such as `sac` becomes an agent. The one place to register a method.
+
+Methods from outside need no registration here; see plugins.py.
+"""
 
 import difflib
 from dataclasses import dataclass
@@ -10,6 +13,7 @@ from curiobench.methods.hybrid import HybridAgent, HybridConfig
 from curiobench.methods.icm import ICM
 from curiobench.methods.mi import MI
 from curiobench.methods.networks import PairLayout
+from curiobench.methods.plugins import file_of, installed_methods, load_class, load_installed, summary, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.reward import IntrinsicReward
 from curiobench.methods.rnd import RND
@@ -30,7 +34,7 @@ class MethodSpec:
     """A parsed method spec."""
 
     text: str
-    """The spec's one form: lower case, aliases resolved."""
+    """The spec's one form: aliases resolved, in lower case but for `package.module:Class`."""
     reward: type[IntrinsicReward] | None
     """The curiosity method; None for `sac`."""
     hybrid: bool = False
@@ -38,25 +42,39 @@ class MethodSpec:
 
 
 def available_specs() -> list[str]:
-    """Every spec that `make_agent` accepts, aliases last."""
-    return ["sac", *REWARDS, *(name + HYBRID for name in REWARDS), *ALIASES]
+    """Every spec with a name, aliases last: built in, or provided by an installed package."""
+    names = [*REWARDS, *(name for name in installed_methods() if name not in ("sac", *REWARDS, *ALIASES))]
+    return ["sac", *names, *(name + HYBRID for name in names), *ALIASES]
 
 
 def parse_spec(text: str) -> MethodSpec:
-    """Read a method spec.
+    """Read a method spec: one of `available_specs`, `package.module:Class`, or `package.module:Class+hm`.
 
-    Raises ValueError, which names the nearest legal spec.
+    Raises ValueError, which names the nearest legal spec, or what is wrong with a method from outside and its file.
     """
-    spec = text.strip().lower()
+    spec = text.strip() if ":" in text else text.strip().lower()
     spec = ALIASES.get(spec, spec)
-    if spec in available_specs():
-        name = spec.removesuffix(HYBRID)
-        return MethodSpec(spec, REWARDS.get(name), hybrid=name != spec)
-    legal = ", ".join(available_specs())
-    if spec == "sac" + HYBRID:
+    hybrid = spec.lower().endswith(HYBRID)
+    name = spec[: -len(HYBRID)] if hybrid else spec
+    if spec == "sac":
+        return MethodSpec(spec, None)
+    if name in REWARDS:
+        return MethodSpec(spec, REWARDS[name], hybrid)
+    if ":" in name:
+        return MethodSpec(name + HYBRID * hybrid, load_class(name, name), hybrid)
+    if name in installed_methods():
+        return MethodSpec(spec, load_installed(name), hybrid)
+    legal = f"{', '.join(available_specs())}, package.module:Class"
+    if name == "sac":
         raise ValueError(f"method {text!r}: the hybrid mechanism needs a curiosity method; available: {legal}")
     near = difflib.get_close_matches(spec, available_specs(), n=1, cutoff=0.0)
     raise ValueError(f"unknown method {text!r}; the nearest is {near[0]!r}; available: {legal}")
+
+
+def traced(spec: str) -> dict[str, str]:
+    """File and digest of a spec's curiosity method, by `plugins.trace`; nothing where it is built in."""
+    reward = parse_spec(spec).reward
+    return {} if reward is None or reward in REWARDS.values() else trace(reward)
 
 
 def make_agent(
@@ -70,19 +88,29 @@ def make_agent(
     """The agent of a method spec, on the generator's device.
 
     Args:
-        spec: see `available_specs`. Raises ValueError if it is not among them.
+        spec: see `parse_spec`.
         layout: where blocks and predicate bits stand in observations and goals.
         config: settings of the agent.
         generator: source of all randomness of agent and method.
         hybrid: settings of the hybrid policy mechanism, used with `+hm` only; its defaults if None.
         settings: of the curiosity method, an instance of its `Config`; its defaults if None.
+
+    Raises:
+        ValueError: no legal spec, or the curiosity method cannot be built; one line that names its file.
     """
     parsed = parse_spec(spec)
     if parsed.reward is None:
         return SAC(layout, config, generator)
-    goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
-    sizes = layout.observation_size, layout.action_size
-    intrinsic = parsed.reward(*sizes, settings or parsed.reward.Config(), generator, **goals)
+    intrinsic = _build(parsed, layout, settings or parsed.reward.Config(), generator)
     if parsed.hybrid:
         return HybridAgent(layout, config, generator, intrinsic, hybrid)
     return SAC(layout, config, generator, intrinsic)
+
+
+def _build(parsed: MethodSpec, layout: PairLayout, settings: object, generator: torch.Generator) -> IntrinsicReward:
+    goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
+    try:
+        return parsed.reward(layout.observation_size, layout.action_size, settings, generator, **goals)
+    except Exception as error:
+        where = f"method {parsed.text!r} in {file_of(parsed.reward)}"
+        raise ValueError(f"{where}: building it raised {summary(error)}") from error

@@ -22,6 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from curiobench.methods.capture import CapturedStep, StaticBatch
+from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError, policy_term_of, reward_of, state_of, update_of
 from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import (
@@ -35,13 +36,6 @@ from curiobench.methods.networks import (
 )
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-
-CUDA_CHECK_EVERY = 100
-"""Updates from one check for non-finite losses to the next on CUDA, where a check stalls the device; else it is 1."""
-
-
-class NonFiniteError(FloatingPointError):
-    """A loss became NaN or infinite; names the update and the term. Weights are those before that update."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +153,7 @@ class SAC:
         Raises:
             NonFiniteError: a loss is NaN or infinite; neither weights nor optimiser have taken that step. (On CUDA
                 it is noticed up to CUDA_CHECK_EVERY updates late.)
+            MethodError: the curiosity method raised or broke a rule; agent as before, normaliser of rewards apart.
         """
         if self._static is None or self._static.size != len(batch.reward):
             self._static = StaticBatch(self.layout, len(batch.reward), self.device)
@@ -215,11 +210,10 @@ class SAC:
     @torch.no_grad()
     def _curiosity(self, method: IntrinsicReward, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
         """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
-        raw = method.reward(transitions)
+        raw = reward_of(method, transitions, self.updates)
         normalised = self.reward_moments.normalise(raw)
         self.reward_moments.update(raw)
-        with torch.enable_grad():
-            learned = method.update(transitions)
+        learned = update_of(method, transitions, self.updates)
         return raw, normalised, {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
 
     @torch.no_grad()
@@ -259,7 +253,7 @@ class SAC:
         """log pi (B,) of the policy's actions (B, A), plus what the curiosity method adds to it in its loss."""
         if self.intrinsic is None or transitions is None:
             return log_prob
-        term = self.intrinsic.policy_loss_term(transitions, desired_goal, action)
+        term = policy_term_of(self.intrinsic, transitions, desired_goal, action, self.updates)
         return log_prob if term is None else log_prob + term
 
     def _check(self, losses: dict[str, Tensor]) -> None:
@@ -274,7 +268,7 @@ class SAC:
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
         state = {name: getattr(self, name).state_dict() for name in self._STATEFUL}
-        state["intrinsic"] = None if self.intrinsic is None else self.intrinsic.state_dict()
+        state["intrinsic"] = None if self.intrinsic is None else state_of(self.intrinsic, self.updates)
         state |= {
             "updates": self.updates,
             "generator": self.generator.get_state(),

@@ -1,10 +1,12 @@
-"""A finished run, made once."""
+"""A finished run, made once, and the command line in this process."""
 
+import sys
 from pathlib import Path
 
 import pytest
 from tiny_runs import TINY
 
+from curiobench.cli import main
 from curiobench.train import train
 
 
@@ -14,3 +16,16 @@ def finished(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "finished"
     train(TINY, path)
     return path
+
+
+@pytest.fixture
+def cli(monkeypatch, capsys):
+    """Runs a command in this process; gives exit code, stdout and stderr."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    return call

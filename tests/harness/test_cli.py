@@ -9,21 +9,6 @@ import time
 
 import pytest
 
-from curiobench.cli import main
-
-
-@pytest.fixture
-def cli(monkeypatch, capsys):
-    """Runs a command in this process; gives exit code, stdout and stderr."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    return call
-
 
 def run(*arguments):
     """Exit code, stdout and stderr of a command in a process of its own."""

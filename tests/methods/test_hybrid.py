@@ -251,11 +251,11 @@ def test_state_of_a_plain_agent_is_refused():
         hybrid_of().load_state_dict(agent_of(intrinsic=Counting(0, 0, Counting.Config(), None)).state_dict())
 
 
-def test_a_reward_that_is_not_finite_stops_before_it_reaches_any_weight():
+def test_a_target_that_is_not_finite_stops_before_it_reaches_any_weight():
     agent, batch = hybrid_of(), random_batch(SMALL, 8, np.random.default_rng(0))
     agent.update(batch)
     before = agent.state_dict()
-    agent.intrinsic.reward = lambda transitions: torch.full((8,), math.nan)
+    agent.intrinsic_values.targets = lambda *_: torch.full((2, 8), math.nan)
     with pytest.raises(NonFiniteError, match=r"update 1: loss not finite: target of q_int \(nan\)"):
         agent.update(batch)
     after = agent.state_dict()

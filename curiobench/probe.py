@@ -1,0 +1,196 @@
+"""What curiosity thinks of scripted episodes: intrinsic reward and Q_int along them, and a controllability score.
+
+The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from curiobench.config import RunConfig
+from curiobench.methods.capture import StaticBatch
+from curiobench.methods.guard import MethodError, reward_of
+from curiobench.methods.hybrid import EXPLORE, HybridAgent
+from curiobench.methods.intrinsic_value import MEMBERS
+from curiobench.methods.networks import PairInputs, squashed_gaussian
+from curiobench.methods.policy_view import view_policy
+from curiobench.methods.reward import Batch, PolicyView, Transitions
+from curiobench.methods.sac import SAC
+from curiobench.probe_episodes import Played, transitions
+from curiobench.probe_steps import falling, lifting
+from curiobench.saved_agent import load_agent_and_epoch
+
+LARGEST_BATCH = 512
+"""Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
+RESAMPLES = 10_000
+"""Bootstrap resamples of the starts."""
+
+
+@dataclass(frozen=True)
+class ProbedRun:
+    """A run with an intrinsic reward, at its newest checkpoint."""
+
+    path: Path
+    """Run folder."""
+    config: RunConfig
+    """Of the run."""
+    agent: SAC
+    """On the CPU."""
+    epoch: int
+    """Epochs completed."""
+    label: str
+    """The method's spec, with the folder's name where several runs share it."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a run says of N episodes of T steps of one kind; all (N, T)."""
+
+    raw: np.ndarray
+    """r_int."""
+    normalised: np.ndarray
+    """Its z-score by the mean and standard deviation of every r_int that the run has learned from, clipped to ±5."""
+    q_int: dict[str, np.ndarray]
+    """Q_int of state and action, "popart" and "zscore"; empty without the hybrid mechanism."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Mean normalised reward of controlled lifting less that of falling, in standard deviations of the reward."""
+
+    mean: float
+    """Over the starts that have both kinds of steps."""
+    low: float
+    """Lower end of the 95 % bootstrap interval over starts."""
+    high: float
+    """Upper end."""
+    lifting: float
+    """Mean over lifting steps."""
+    falling: float
+    """Mean over falling steps."""
+    starts: int
+    """How many starts have both kinds of steps."""
+
+
+def open_runs(paths: Sequence[Path]) -> tuple[list[ProbedRun], list[str]]:
+    """Load runs to compare, and say in a line each which were left out because they have no intrinsic reward.
+
+    Raises ValueError where a folder is no run's, has no checkpoint, or is named twice, where tasks or robots differ,
+    or where nothing is left.
+    """
+    if not paths:
+        raise ValueError("name at least one run folder")
+    if len({path.resolve() for path in paths}) < len(paths):
+        raise ValueError("a run folder is named twice")
+    loaded = [(path, *load_agent_and_epoch(path)) for path in paths]
+    first = loaded[0][1]
+    for path, config, *_ in loaded:
+        if (config.task, config.robot) != (first.task, first.robot):
+            here, there = (f"{c.task} with the {c.robot}" for c in (config, first))
+            raise ValueError(f"{path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
+    notes = [f"left out {path}: {c.method} has no intrinsic reward" for path, c, a, _ in loaded if a.intrinsic is None]
+    curious = [run for run in loaded if run[2].intrinsic is not None]
+    if not curious:
+        raise ValueError("; ".join(notes))
+    specs = [config.method for _, config, *_ in curious]
+    labels = [s if specs.count(s) == 1 else f"{s} {run[0].name}" for s, run in zip(specs, curious, strict=True)]
+    return [ProbedRun(*run, label) for run, label in zip(curious, labels, strict=True)], notes
+
+
+@torch.no_grad()
+def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
+    """What a run says of scripted episodes.
+
+    Args:
+        run: whose agent is asked.
+        played: N episodes.
+        reference: at least `LARGEST_BATCH` - 1 transitions.
+
+    Raises:
+        ValueError: the method raised or gave a reward that is none; names the method and its file.
+    """
+    probed = transitions(played.episodes)
+    shape = played.episodes.action.shape[:2]
+    try:
+        raw = score_one_by_one(run, Batch.from_numpy(probed), reference)
+    except MethodError as error:
+        raise ValueError(f"{run.path}: {error}") from None
+    normalised = run.agent.reward_moments.normalise(raw)
+    q_int = {}
+    if isinstance(run.agent, HybridAgent):
+        values = run.agent.q_int(probed["observation"], probed["action"])
+        q_int = {name: values[name].reshape(shape) for name in MEMBERS}
+    return Reading(raw.numpy().reshape(shape), normalised.numpy().reshape(shape), q_int)
+
+
+def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.Tensor:
+    """r_int (B,), raw, of probed transitions, each scored in a batch of its own with the same reference transitions.
+
+    Some methods (RE3, MI) look for a transition's neighbours in its batch. Scored together, the steps of an episode
+    would be each other's neighbours, and a reward would depend on how long the block rests afterwards.
+    """
+    n, size = len(probed.reward), min(run.config.batch_size, LARGEST_BATCH) - 1
+    together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
+    seen = what_method_sees(run.agent, together, run.epoch)
+    others = torch.arange(n, n + size)
+    batches = (_rows(seen, torch.cat([torch.tensor([i]), others])) for i in range(n))
+    return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])
+
+
+def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
+    """Raw transitions as the agent shows them to its method in training: states by its own normalisers, which stay."""
+    static = StaticBatch(agent.layout, len(batch.reward), agent.device)
+    static.load(batch)
+    inputs, next_inputs = agent.encoder.encode_rows(static.rows)
+    view = _view(agent, inputs, static) if agent.intrinsic.uses_policy else None
+    return Transitions(inputs.state, static.action, next_inputs.state, epoch, view)
+
+
+def _view(agent: SAC, inputs: PairInputs, batch: StaticBatch) -> PolicyView:
+    """What the policy that explores does in a batch's states; its samples do not touch the agent's generator."""
+    distribution = agent.actor(inputs)
+    if isinstance(agent, HybridAgent):
+        distribution = tuple(part[EXPLORE] for part in distribution)
+    noise = torch.randn(batch.action.shape, generator=torch.Generator().manual_seed(0))
+    return view_policy(distribution, squashed_gaussian(*distribution, noise), batch.action, batch.desired_goal[0])
+
+
+def _rows(transitions: Transitions, rows: torch.Tensor) -> Transitions:
+    """Some transitions of a batch."""
+    policy = transitions.policy
+    if policy is not None:
+        policy = PolicyView(*(getattr(policy, field.name)[rows] for field in fields(PolicyView)))
+    states = transitions.state[rows], transitions.action[rows], transitions.next_state[rows]
+    return Transitions(*states, transitions.epoch, policy)
+
+
+def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:
+    """The score of a run, from its readings of both kinds of episodes, which have the same N starts.
+
+    A start's score is the mean over its lifting steps less the mean over its falling steps, in whichever episode they
+    happen. Raises ValueError where no start has both.
+    """
+    normalised = np.concatenate([reading.normalised for reading in readings], axis=1)
+    lifts, falls = (np.concatenate([find(p.track) for p in played], axis=1) for find in (lifting, falling))
+    return score(normalised, lifts, falls, seed)
+
+
+def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> Score:
+    """The score from normalised rewards, and which steps are lifting and falling, all (N, S).
+
+    The bootstrap resamples starts, so that its interval says how much the choice of starts matters, and no more.
+    """
+    both = lifts.any(axis=1) & falls.any(axis=1)
+    if not both.any():
+        raise ValueError("no start has both a lifting and a falling step; take more starts")
+    of_lifts, of_falls = (
+        np.average(normalised[both], axis=1, weights=steps[both].astype(float)) for steps in (lifts, falls)
+    )
+    differences = of_lifts - of_falls
+    drawn = np.random.default_rng(seed).integers(len(differences), size=(RESAMPLES, len(differences)))
+    low, high = np.percentile(differences[drawn].mean(axis=1), (2.5, 97.5))
+    means = (float(x) for x in (differences.mean(), low, high, of_lifts.mean(), of_falls.mean()))
+    return Score(*means, len(differences))

@@ -1,0 +1,140 @@
+"""What the agent demands of a curiosity method at run time, so that a fault stops the run where it is made.
+
+Every call of a method goes through here. What breaks a rule of `IntrinsicReward` raises MethodError, which names the
+method, its file and the update. The looks at shapes and types are free; those at values take microseconds on a CPU, and
+on CUDA, where they would make the device wait, they are made every CUDA_CHECK_EVERY updates.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.plugins import file_of, summary
+from curiobench.methods.reward import IntrinsicReward, Transitions
+
+CUDA_CHECK_EVERY = 100
+"""Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
+
+
+class NonFiniteError(FloatingPointError):
+    """A loss became NaN or infinite; names the update and the term. Weights are those before that update."""
+
+
+class MethodError(RuntimeError):
+    """A curiosity method raised, or returned what it must not; one line with its class, its file and the update."""
+
+
+@contextmanager
+def blamed(method: IntrinsicReward, call: str, update: int) -> Iterator[None]:
+    """Turn whatever a method's function `call` raises into a MethodError."""
+    try:
+        yield
+    except Exception as error:
+        raise _fault(method, update, f"{call}() raised {summary(error)}") from error
+
+
+def reward_of(method: IntrinsicReward, transitions: Transitions, update: int) -> Tensor:
+    """r_int (B,). Raises MethodError unless it is a finite float32 tensor of that shape without gradients."""
+    # with gradients allowed, a method that forgets @torch.no_grad() is found out here and not in another agent
+    with blamed(method, "reward", update), torch.enable_grad():
+        reward = method.reward(transitions)
+    if found := flaw_of_reward(reward, len(transitions.state)):
+        raise _fault(method, update, f"reward() returned {found}")
+    if _looks_at_values(reward, update) and (found := flaw_of_values(reward)):
+        raise _fault(method, update, f"reward() returned {found}")
+    return reward
+
+
+def update_of(method: IntrinsicReward, transitions: Transitions, update: int) -> dict[str, Tensor]:
+    """A method's own step; its metrics. Raises MethodError unless they are scalar tensors, and the losses finite."""
+    with blamed(method, "update", update), torch.enable_grad():
+        metrics = method.update(transitions)
+    if found := flaw_of_metrics(metrics):
+        raise _fault(method, update, f"update() returned {found}")
+    for name, value in metrics.items():
+        if name.endswith("_loss") and _looks_at_values(value, update) and not value.isfinite():
+            raise _fault(method, update, f"update() returned {name} = {value.item()}; expected a finite number")
+    return metrics
+
+
+def policy_term_of(
+    method: IntrinsicReward, transitions: Transitions, desired_goal: Tensor, action: Tensor, update: int
+) -> Tensor | None:
+    """The method's term (B,) in the policy's loss. Raises MethodError on another shape, which would be broadcast."""
+    with blamed(method, "policy_loss_term", update):
+        term = method.policy_loss_term(transitions, desired_goal, action)
+    wanted = action.shape[:1]
+    if term is not None and (not isinstance(term, Tensor) or term.shape != wanted):
+        raise _fault(method, update, f"policy_loss_term() returned {_outline(term)}; expected shape {tuple(wanted)}")
+    return term
+
+
+def state_of(method: IntrinsicReward, update: int) -> dict[str, Any]:
+    """The method's state. Raises MethodError on what a checkpoint could not give back."""
+    with blamed(method, "state_dict", update):
+        state = method.state_dict()
+    if found := flaw_of_state(state):
+        raise _fault(method, update, f"state_dict() returned {found}")
+    return state
+
+
+def flaw_of_reward(reward: object, size: int) -> str | None:
+    """What is wrong with the form of a batch of `size` rewards, and what was expected; None if nothing is."""
+    if not isinstance(reward, Tensor) or reward.shape != (size,):
+        return f"{_outline(reward)}; expected a tensor of shape {(size,)}, a reward a transition"
+    if reward.dtype != torch.float32:
+        return f"{_outline(reward)}; expected torch.float32"
+    if reward.requires_grad:
+        return "a tensor that carries gradients; expected none: put @torch.no_grad() above reward()"
+    return None
+
+
+def flaw_of_values(reward: Tensor) -> str | None:
+    """How many rewards (B,) are NaN or infinite; None if all are finite. Waits for the device."""
+    finite = reward.isfinite()
+    if finite.all():
+        return None
+    wrong = reward[~finite]
+    return f"{wrong[0].item()} in {len(wrong)} of {len(reward)} transitions; expected finite numbers"
+
+
+def flaw_of_metrics(metrics: object) -> str | None:
+    """What is wrong with the form of the metrics of an update, and what was expected; None if nothing is."""
+    if not isinstance(metrics, dict):
+        return f"{_outline(metrics)}; expected a dict of metrics"
+    for name, value in metrics.items():
+        if not isinstance(value, Tensor) or value.shape != () or value.requires_grad:
+            return f"{name} = {_outline(value)}; expected a scalar tensor without gradients"
+    return None
+
+
+def flaw_of_state(state: object, name: str = "state") -> str | None:
+    """Where a state holds something else than dicts, lists and tuples of tensors and plain values; None if nowhere."""
+    if isinstance(state, dict):
+        parts = {f"{name}[{key!r}]": value for key, value in state.items()}
+    elif isinstance(state, list | tuple):
+        parts = {f"{name}[{k}]": value for k, value in enumerate(state)}
+    elif state is None or isinstance(state, Tensor) or type(state) in (bool, int, float, str):
+        return None
+    else:
+        return f"{name} = a {type(state).__name__}; expected tensors and plain values only"
+    return next(filter(None, (flaw_of_state(value, part) for part, value in parts.items())), None)
+
+
+def _outline(value: object) -> str:
+    if not isinstance(value, Tensor):
+        return f"a {type(value).__name__}"
+    gradients = " that carries gradients" if value.requires_grad else ""
+    return f"a {value.dtype} tensor of shape {tuple(value.shape)}{gradients}"
+
+
+def _looks_at_values(tensor: Tensor, update: int) -> bool:
+    return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
+
+
+def _fault(method: IntrinsicReward, update: int, what: str) -> MethodError:
+    cls = type(method)
+    return MethodError(f"method {cls.__module__}:{cls.__qualname__} in {file_of(cls)}, update {update}: {what}")

@@ -1,0 +1,148 @@
+"""Curiosity methods from outside this package: by `package.module:Class`, or by a name that an installed package gives.
+
+Such a package names its classes in the entry-point group `curiobench.methods`; in its pyproject.toml:
+
+    [project.entry-points."curiobench.methods"]
+    mine = "my_pkg.curiosity:Mine"
+
+Nothing is imported before a spec asks for it. Whatever is wrong with a plug-in becomes one ValueError that names spec
+and file.
+"""
+
+import hashlib
+import importlib
+import inspect
+import os
+import sys
+from dataclasses import fields, is_dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType, NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from curiobench.methods.reward import IntrinsicReward
+
+GROUP = "curiobench.methods"
+"""Entry-point group in which installed packages name their methods."""
+
+PLAIN = (bool, int, float, str, NoneType)
+"""Types of settings that survive JSON, alone or as alternatives; beside them a Literal of strings."""
+
+
+def installed_methods() -> list[str]:
+    """Lower-case names of the methods that installed packages provide; none is imported."""
+    return sorted({point.name.lower() for point in entry_points(group=GROUP)})
+
+
+def load_installed(name: str) -> type[IntrinsicReward]:
+    """The class behind an entry point. Raises ValueError as `load_class`, and where two packages give that name."""
+    values = sorted({point.value for point in entry_points(group=GROUP) if point.name.lower() == name})
+    if len(values) > 1:
+        raise ValueError(
+            f"method {name!r}: several installed packages provide it: {', '.join(values)}; name one of these"
+        )
+    return load_class(values[0].partition("[")[0].strip(), f"{name} ({values[0]})")
+
+
+def load_class(path: str, spec: str) -> type[IntrinsicReward]:
+    """Import a curiosity method.
+
+    The current directory is searched last: `curiobench` as a console script does not search it at all, `python -m
+    curiobench` first, and a file there should not be able to take the place of an installed package.
+
+    Args:
+        path: `package.module:Class`.
+        spec: how to call it in messages.
+
+    Raises:
+        ValueError: no such module or class, an import that raises, or a class that is not a curiosity method; one line.
+    """
+    module_name, _, class_name = path.partition(":")
+    if not all(part.isidentifier() for part in [*module_name.split("."), class_name]):
+        raise ValueError(f"method {spec!r}: expected package.module:Class")
+    if not {"", os.getcwd()} & {*sys.path}:
+        sys.path.append(os.getcwd())
+    module = _import(module_name, spec)
+    where = f"method {spec!r} in {getattr(module, '__file__', None) or module_name}"
+    found = getattr(module, class_name, None)
+    if found is None:
+        methods = [name for name, value in vars(module).items() if _is_method(value)]
+        raise ValueError(f"{where}: there is no class {class_name!r}; its methods are {', '.join(methods) or 'none'}")
+    if not _is_method(found):
+        raise ValueError(f"{where}: {class_name} is not a class derived from curiobench.methods.reward.IntrinsicReward")
+    if missing := sorted(found.__abstractmethods__):
+        raise ValueError(f"{where}: {class_name} lacks {', '.join(missing)}")
+    _check_config(found, where)
+    return found
+
+
+def _import(name: str, spec: str) -> ModuleType:
+    importlib.invalidate_caches()  # a file may be seconds old
+    try:
+        return importlib.import_module(name)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and error.name and f"{name}.".startswith(f"{error.name}."):
+            advice = f"; leave out the .py of a file's name: {name[:-3]}" if name.endswith(".py") else ""
+            raise ValueError(
+                f"method {spec!r}: there is no module {name!r}, neither installed nor in {os.getcwd()}{advice}"
+            ) from None
+        raise ValueError(f"method {spec!r}: {_culprit(error)}: importing {name} raised {summary(error)}") from error
+
+
+def _culprit(error: BaseException) -> str:
+    """File and line of the source that an import failed in."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}, line {error.lineno}"
+    frames = inspect.getinnerframes(error.__traceback__)
+    outside = [f for f in frames if not f.filename.startswith("<frozen importlib") and f.filename != __file__]
+    return next((f"{f.filename}, line {f.lineno}" for f in outside if f.filename != importlib.__file__), "unknown file")
+
+
+def summary(error: BaseException) -> str:
+    """Type and first line of an error."""
+    lines = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def _is_method(value: Any) -> bool:
+    return inspect.isclass(value) and issubclass(value, IntrinsicReward) and value is not IntrinsicReward
+
+
+def _check_config(method: type[IntrinsicReward], where: str) -> None:
+    """Raise ValueError unless `Config` can be shown as flags, kept as JSON and made without arguments."""
+    where = f"{where}: {method.__name__}.Config"
+    config = getattr(method, "Config", None)
+    if not (inspect.isclass(config) and is_dataclass(config) and config.__dataclass_params__.frozen):
+        raise ValueError(f"{where} is {config!r}; expected a dataclass with frozen=True")
+    try:
+        config()
+        hints = get_type_hints(config)
+    except Exception as error:
+        raise ValueError(f"{where} cannot be made from its defaults: {summary(error)}") from error
+    for field in fields(config):
+        if not _is_plain(hints[field.name]):
+            raise ValueError(
+                f"{where}.{field.name} is a {hints[field.name]}; settings are bool, int, float, str, "
+                "None, alternatives of them, or a Literal of strings"
+            )
+
+
+def _is_plain(hint: Any) -> bool:
+    if get_origin(hint) is Literal:
+        return all(isinstance(option, str) for option in get_args(hint))
+    return get_origin(hint) in (None, Union, UnionType) and all(t in PLAIN for t in get_args(hint) or (hint,))
+
+
+def file_of(method: type[IntrinsicReward]) -> str:
+    """Path of the file that a method's class is written in; its module's name where there is none, as in a session."""
+    return getattr(sys.modules.get(method.__module__), "__file__", None) or method.__module__
+
+
+def trace(method: type[IntrinsicReward]) -> dict[str, str]:
+    """Where a method from outside comes from, for the record of a run: `method_file` and `method_sha256`.
+
+    The digest covers the file of the class and not what that file imports.
+    """
+    path = file_of(method)
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
+    return {"method_file": path, "method_sha256": digest}

@@ -1,0 +1,162 @@
+"""A method of one's own, as a user meets it: written, checked, trained, resumed, and stopped where it fails."""
+
+import re
+import sys
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+
+import pytest
+from tiny_runs import TINY
+
+from curiobench import checkpoint
+from curiobench.cli import main
+from curiobench.config import RunConfig
+from curiobench.files import read_json
+from curiobench.methods import plugins
+from curiobench.run_folder import RunFolder, read_config, read_rows
+from curiobench.saved_agent import load_agent
+from curiobench.train import train
+
+FLAGS = [
+    *("--task", "stack2", "--preset", "smoke", "--epochs", "2", "--cycles", "1", "--worlds", "4", "--updates", "2"),
+    *("--batch-size", "16", "--episodes-per-goal", "1", "--replay.capacity", "18", "--sac.hidden", "8"),
+]
+
+
+@pytest.fixture
+def cli(tmp_path, monkeypatch, capsys):
+    """Runs a command in an empty folder, whose modules are forgotten afterwards; gives exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    known = set(sys.modules)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    yield call
+    for name in set(sys.modules) - known:
+        if getattr(sys.modules[name], "__file__", None) and sys.modules[name].__file__.startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
+    code, out, err = cli("new-method", "my_idea")
+    assert (code, err) == (0, "")
+    assert "curiobench check my_idea:MyIdea\n" in out
+    code, out, err = cli("check", "my_idea:MyIdea")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"MyIdea in {tmp_path / 'my_idea.py'}\npass  is built, rewards and learns\n")
+    assert "FAIL" not in out
+    code, _, err = cli("train", *FLAGS, "--method", "my_idea:MyIdea+hm", "--method.hidden", "9", "--out", "run")
+    assert (code, err) == (0, "")
+    record = read_json(tmp_path / "run" / "config.json")
+    assert record["config"]["method"] == "my_idea:MyIdea+hm"
+    assert record["config"]["method_config"]["hidden"] == 9
+    assert record["versions"]["method_file"] == str(tmp_path / "my_idea.py")
+    assert len(record["versions"]["method_sha256"]) == 64
+    assert float(read_rows(tmp_path / "run" / "progress.csv")[-1]["my_idea_loss"]) > 0
+    config, agent = load_agent(tmp_path / "run")
+    assert RunConfig.from_json(config.to_json()) == config
+    assert agent.intrinsic.model[0].out_features == 9
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("my_idea", r"my_idea\.py exists; it is left as it is"),
+        ("../escape", r"'\.\./escape' cannot name a method: expected letters, digits and _"),
+        ("2fast", r"'2fast' cannot name a method"),
+        ("class", r"'class' cannot name a method"),
+        ("__", r"'__' cannot name a method"),
+        ("", r"'' cannot name a method"),
+        ("difflib", r"another module that is called 'difflib'"),
+    ],
+)
+def test_names_that_will_not_do_are_refused(cli, tmp_path, name, message):
+    (tmp_path / "my_idea.py").write_text("mine")
+    code, out, err = cli("new-method", name)
+    assert (code, out) == (2, "")
+    assert re.fullmatch(rf"curiobench: .*{message}[^\n]*\n", err)
+    assert (tmp_path / "my_idea.py").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["my_idea.py"]
+
+
+def test_the_folder_is_made_and_the_files_name_is_the_modules(cli, tmp_path):
+    assert cli("new-method", "Mine", "--out", "a/b")[0] == 0
+    text = (tmp_path / "a" / "b" / "Mine.py").read_text()
+    assert "class Mine(LearnedReward):" in text
+    assert "NewMethod" not in text
+    assert "new_method" not in text
+    assert cli("new-method", "Mine", "--out", "/dev/null/x")[0] == 2
+
+
+def test_a_check_that_fails_has_exit_code_1(cli, tmp_path):
+    (tmp_path / "wide.py").write_text(
+        "from curiobench.methods.rnd import RND\n"
+        "class Wide(RND):\n    def reward(self, transitions): return super().reward(transitions)[:, None]\n"
+    )
+    code, out, err = cli("check", "wide:Wide")
+    assert (code, err) == (1, "curiobench: wide:Wide fails 1 of 17 properties\n")
+    assert "FAIL  reward has shape (B,): expected (64,), found (64, 1)\n" in out
+    assert cli("check", "sac")[::2] == (2, "curiobench: sac has no curiosity method to check\n")
+    assert cli("check", "rmd")[0] == 2
+
+
+FAILING = """
+from curiobench.methods.rnd import RND
+
+class Failing(RND):
+    def update(self, transitions):
+        if transitions.epoch == 1:
+            {fault}
+        return super().update(transitions)
+"""
+
+
+def test_a_fault_stops_the_run_with_one_line_and_a_repaired_method_resumes(cli, tmp_path):
+    path = tmp_path / "failing.py"
+    path.write_text(FAILING.format(fault="raise KeyError('blocks')"))
+    code, _, err = cli("train", *FLAGS, "--method", "failing:Failing", "--out", "run")
+    assert code == 1
+    where = rf"method failing:Failing in {re.escape(str(path))}, update 2: update\(\) raised KeyError: 'blocks'"
+    assert re.fullmatch(
+        rf"curiobench: run: epoch 2, cycle 1: MethodError: {where}; the last checkpoint is kept; details in [^\n]+\n",
+        err,
+    )
+    assert "in update\n    raise KeyError('blocks')" in (tmp_path / "run" / "error.log").read_text()
+    fingerprint = read_config(tmp_path / "run").fingerprint()
+    assert checkpoint.load(tmp_path / "run" / "checkpoint", fingerprint)[1]["counters"]["epoch"] == 1
+    del sys.modules["failing"]  # as if the process were a new one
+    path.write_text(FAILING.format(fault="pass"))
+    code, out, err = cli("train", "--out", "run", "--resume")
+    assert (code, err) == (0, "")
+    assert re.search(r"numbers may differ: .*method_sha256 [0-9a-f]{64}, was [0-9a-f]{64}", out)
+
+
+def test_a_run_whose_method_is_gone_names_both(cli, tmp_path):
+    (tmp_path / "lost.py").write_text("from curiobench.methods.rnd import RND as Lost\n")
+    RunFolder(tmp_path / "run", replace(TINY, method="lost:Lost"), resume=False).close()
+    (tmp_path / "lost.py").unlink()
+    del sys.modules["lost"]
+    code, _, err = cli("evaluate", "run")
+    assert code == 2
+    assert "run/config.json: method 'lost:Lost': there is no module 'lost', neither installed nor in" in err
+
+
+def test_an_installed_method_that_cannot_be_loaded_does_not_spoil_the_list(cli, monkeypatch):
+    point = EntryPoint("mine", "nowhere:Mine", plugins.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    code, out, _ = cli("list")
+    assert code == 0
+    assert re.search(r"\n  mine +cannot be loaded: method 'mine \(nowhere:Mine\)': there is no module", out)
+
+
+def test_a_method_that_cannot_be_built_is_bad_input(cli, tmp_path):
+    (tmp_path / "unbuilt.py").write_text(
+        "from curiobench.methods.rnd import RND\nclass Unbuilt(RND):\n    def __init__(self): pass\n"
+    )
+    with pytest.raises(ValueError, match=r"method 'unbuilt:Unbuilt' in .*unbuilt\.py: building it raised TypeError"):
+        train(replace(TINY, method="unbuilt:Unbuilt"), tmp_path / "run")
