@@ -33,6 +33,8 @@ class EvaluateArguments:
     """Test episodes of every goal; by default as many as in the run's own evaluations."""
     threads: int = 1
     """Threads that step the worlds; results do not depend on it."""
+    method: str | None = None
+    """The run's method, where it is one from outside: naming it allows importing it."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class VideoArguments:
     """Episodes to show, one after the other."""
     seed: int = 0
     """Seed of the starts."""
+    method: str | None = None
+    """The run's method, where it is one from outside: naming it allows importing it."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,8 @@ class ProbeArguments:
     """Plain starts from which each script is played."""
     seed: int = 0
     """Seed of the starts and of the reference play."""
+    method: tuple[str, ...] = ()
+    """The runs' methods that are from outside: naming them allows importing them."""
 
 
 @dataclass(frozen=True)

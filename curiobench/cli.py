@@ -55,7 +55,7 @@ def evaluate(arguments: Sequence[str]) -> None:
     from curiobench.saved_agent import load_agent
     from curiobench.tables import format_goals, format_layers
 
-    config, agent = load_agent(parsed.run)
+    config, agent = load_agent(parsed.run, {parsed.method})
     episodes = config.episodes_per_goal if parsed.episodes is None else parsed.episodes
     evaluation = Evaluator(config.task, config.robot, episodes, parsed.threads).evaluate(agent)
     if parsed.goals:
@@ -71,7 +71,7 @@ def video(arguments: Sequence[str]) -> None:
     from curiobench.saved_agent import load_agent
     from curiobench.video import film
 
-    config, agent = load_agent(parsed.run)
+    config, agent = load_agent(parsed.run, {parsed.method})
     path, successes = film(agent, config, parsed.goal, parsed.out, parsed.run, parsed.episodes, parsed.seed)
     print(f"{path}: {successes} of {parsed.episodes} episodes reached the goal")
 
@@ -99,7 +99,7 @@ def probe(arguments: Sequence[str]) -> None:
     parsed = parse(ProbeArguments, "probe", arguments)
     from curiobench.probe_report import probe
 
-    table, notes, files = probe(parsed.runs, parsed.out, parsed.starts, parsed.seed)
+    table, notes, files = probe(parsed.runs, parsed.out, parsed.starts, parsed.seed, parsed.method)
     print("\n".join([*notes, table, "", *map(str, files)]))
 
 

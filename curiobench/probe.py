@@ -3,7 +3,7 @@
 The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -75,7 +75,7 @@ class Score:
     """How many starts have both kinds of steps."""
 
 
-def open_runs(paths: Sequence[Path]) -> tuple[list[ProbedRun], list[str]]:
+def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[list[ProbedRun], list[str]]:
     """Load runs to compare, and say in a line each which were left out because they have no intrinsic reward.
 
     Raises ValueError where a folder is no run's, has no checkpoint, or is named twice, where tasks or robots differ,
@@ -85,7 +85,7 @@ def open_runs(paths: Sequence[Path]) -> tuple[list[ProbedRun], list[str]]:
         raise ValueError("name at least one run folder")
     if len({path.resolve() for path in paths}) < len(paths):
         raise ValueError("a run folder is named twice")
-    loaded = [(path, *load_agent_and_epoch(path)) for path in paths]
+    loaded = [(path, *load_agent_and_epoch(path, trusted)) for path in paths]
     first = loaded[0][1]
     for path, config, *_ in loaded:
         if (config.task, config.robot) != (first.task, first.robot):

@@ -1,7 +1,7 @@
 """Probing runs from beginning to end: play, read, write numbers and scores, draw."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ from curiobench.probe_steps import falling, lifting
 from curiobench.tables import align
 
 
-def probe(paths: Sequence[Path], out: Path, starts: int, seed: int) -> tuple[str, list[str], list[Path]]:
+def probe(
+    paths: Sequence[Path], out: Path, starts: int, seed: int, trusted: Collection[str] = ()
+) -> tuple[str, list[str], list[Path]]:
     """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
 
     Args:
@@ -20,6 +22,7 @@ def probe(paths: Sequence[Path], out: Path, starts: int, seed: int) -> tuple[str
         out: folder for the files; created if it does not exist.
         starts: plain starts from which each script is played, at least 1.
         seed: of the starts and of the reference play.
+        trusted: methods from outside that may be imported.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
@@ -27,7 +30,7 @@ def probe(paths: Sequence[Path], out: Path, starts: int, seed: int) -> tuple[str
     Raises:
         ValueError: runs that cannot be read or compared, or a folder that cannot be written.
     """
-    runs, notes = open_runs(paths)
+    runs, notes = open_runs(paths, trusted)
     task, robot = runs[0].config.task, runs[0].config.robot
     played = play_scripts(task, robot, starts, seed)
     reference = reference_transitions(task, robot, seed)

@@ -6,7 +6,7 @@ import io
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -71,7 +71,7 @@ class RunFolder:
                 raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
             if not resume:
                 raise ValueError(f"{self.path} exists; use --resume to continue it")
-            if found := differences(read_config(self.path), self.config):
+            if found := differences(read_config(self.path, {self.config.method}), self.config):
                 raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
             raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
@@ -170,9 +170,31 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def read_config(path: Path) -> RunConfig:
-    """The config of a run folder; raises ValueError as `read_record`, and where this version cannot read the config."""
+def method_of(record: dict[str, Any]) -> str:
+    """The method spec in a record, as text; nothing is imported."""
+    config = record.get("config")
+    return str(config.get("method", "")) if isinstance(config, dict) else ""
+
+
+def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
+    """The config of a run folder.
+
+    Args:
+        path: of the folder.
+        trusted: methods from outside, as `package.module:Class`, that may be imported: a config that somebody else
+            wrote must not decide which code runs here.
+
+    Raises ValueError as `read_record`, where this version cannot read the config, and where its method is not trusted.
+    """
     record = read_record(path)
+    method = method_of(record)
+    if ":" in method and method not in trusted:
+        raise ValueError(f"{path}: its method {method} is no part of curiobench; --method {method} allows importing it")
+    return config_of(path, record)
+
+
+def config_of(path: Path, record: dict[str, Any]) -> RunConfig:
+    """The config in the record of a run folder; raises ValueError where this version cannot read it."""
     try:
         return RunConfig.from_json(record.get("config"), record.get("config_version"))
     except ValueError as error:

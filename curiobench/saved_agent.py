@@ -1,5 +1,6 @@
 """The agent of a run's newest checkpoint, for those who only want to watch it."""
 
+from collections.abc import Container
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,17 +16,18 @@ from curiobench.tasks.registration import n_blocks_of
 from curiobench.training_state import build_agent
 
 
-def load_agent(path: Path) -> tuple[RunConfig, SAC]:
+def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, SAC]:
     """The config and the agent of a run folder, whether the run is finished or not; the agent on the CPU.
 
-    Raises ValueError where the folder is not a run's, has no checkpoint yet, or its checkpoint is damaged.
+    Raises ValueError where the folder is not a run's, has no checkpoint yet, its checkpoint is damaged, or its method
+    comes from outside and is not `trusted`.
     """
-    return load_agent_and_epoch(path)[:2]
+    return load_agent_and_epoch(path, trusted)[:2]
 
 
-def load_agent_and_epoch(path: Path) -> tuple[RunConfig, SAC, int]:
+def load_agent_and_epoch(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, SAC, int]:
     """As `load_agent`, with the epochs that the checkpoint's agent has completed."""
-    config = read_config(path)
+    config = read_config(path, trusted)
     tune_process(config.torch_threads)
     folder = path / "checkpoint"
     saved = checkpoint.load(folder, config.fingerprint())

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from curiobench.run_folder import read_config, read_rows
+from curiobench.run_folder import config_of, method_of, read_config, read_record, read_rows
 
 Layers = dict[int, tuple[int, int]]
 """Learned goals and all goals, by layer."""
@@ -52,14 +52,23 @@ def summarise_runs(paths: Sequence[Path]) -> tuple[list[RunSummary], list[str]]:
     summaries, faults = [], []
     for path in paths:
         try:
-            config = read_config(path)
+            run = _read_head(path)
             last = last_evaluation(read_rows(path / "evaluations.csv"))
             epoch, layers = int(last[0]["epoch"]), learned_by_layer(last)
         except (ValueError, KeyError, TypeError, OSError) as error:
             faults.append(str(error) if str(path) in str(error) else f"{path}: {error}")
             continue
-        summaries.append(RunSummary(path, config.task, config.method, config.seed, epoch, config.epochs, layers))
+        summaries.append(RunSummary(path, run["task"], run["method"], run["seed"], epoch, run["epochs"], layers))
     return summaries, faults
+
+
+def _read_head(path: Path) -> dict[str, Any]:
+    """Task, method, seed and epochs of a run, checked. A method from outside is not imported to tell its name."""
+    record = read_record(path)
+    if ":" not in method_of(record):
+        return read_config(path).to_json()
+    checked = config_of(path, record | {"config": record["config"] | {"method": "sac", "method_config": None}})
+    return checked.to_json() | {"method": method_of(record)}
 
 
 def format_runs(summaries: Sequence[RunSummary]) -> str:

@@ -43,7 +43,7 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     """
     preset, out = _last_value(arguments, "--preset"), _last_value(arguments, "--out")
     if "--resume" in arguments and out and (Path(out) / "config.json").exists():
-        defaults = read_config(Path(out))
+        defaults = read_config(Path(out), {_last_value(arguments, "--method")})
     else:
         defaults = PRESETS[check_name("preset", preset or "laptop", PRESET_NAMES)]
     method = parse_spec(_last_value(arguments, "--method") or defaults.method).text

@@ -58,7 +58,7 @@ def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
     assert record["versions"]["method_file"] == str(tmp_path / "my_idea.py")
     assert len(record["versions"]["method_sha256"]) == 64
     assert float(read_rows(tmp_path / "run" / "progress.csv")[-1]["my_idea_loss"]) > 0
-    config, agent = load_agent(tmp_path / "run")
+    config, agent = load_agent(tmp_path / "run", {"my_idea:MyIdea+hm"})
     assert RunConfig.from_json(config.to_json()) == config
     assert agent.intrinsic.model[0].out_features == 9
 
@@ -127,11 +127,11 @@ def test_a_fault_stops_the_run_with_one_line_and_a_repaired_method_resumes(cli, 
         err,
     )
     assert "in update\n    raise KeyError('blocks')" in (tmp_path / "run" / "error.log").read_text()
-    fingerprint = read_config(tmp_path / "run").fingerprint()
+    fingerprint = read_config(tmp_path / "run", {"failing:Failing"}).fingerprint()
     assert checkpoint.load(tmp_path / "run" / "checkpoint", fingerprint)[1]["counters"]["epoch"] == 1
     del sys.modules["failing"]  # as if the process were a new one
     path.write_text(FAILING.format(fault="pass"))
-    code, out, err = cli("train", "--out", "run", "--resume")
+    code, out, err = cli("train", "--out", "run", "--resume", "--method", "failing:Failing")
     assert (code, err) == (0, "")
     assert re.search(r"numbers may differ: .*method_sha256 [0-9a-f]{64}, was [0-9a-f]{64}", out)
 
@@ -141,7 +141,7 @@ def test_a_run_whose_method_is_gone_names_both(cli, tmp_path):
     RunFolder(tmp_path / "run", replace(TINY, method="lost:Lost"), resume=False).close()
     (tmp_path / "lost.py").unlink()
     del sys.modules["lost"]
-    code, _, err = cli("evaluate", "run")
+    code, _, err = cli("evaluate", "run", "--method", "lost:Lost")
     assert code == 2
     assert "run/config.json: method 'lost:Lost': there is no module 'lost', neither installed nor in" in err
 
@@ -160,3 +160,23 @@ def test_a_method_that_cannot_be_built_is_bad_input(cli, tmp_path):
     )
     with pytest.raises(ValueError, match=r"method 'unbuilt:Unbuilt' in .*unbuilt\.py: building it raised TypeError"):
         train(replace(TINY, method="unbuilt:Unbuilt"), tmp_path / "run")
+
+
+def test_a_run_folder_does_not_decide_which_code_runs(cli, tmp_path):
+    """A config that names a module of the current directory gets it imported only where the user names it, too."""
+    cli("new-method", "my_idea")
+    spec = "my_idea:MyIdea"
+    assert cli("train", *FLAGS, "--method", spec, "--out", "run")[0] == 0
+    del sys.modules["my_idea"]
+    (tmp_path / "my_idea.py").write_text("raise SystemExit('this must not run')")
+    for command in (("evaluate", "run"), ("video", "run", "--goal", "a on b"), ("probe", "run")):
+        code, _, err = cli(*command)
+        assert code == 2
+        assert err.startswith(f"curiobench: run: its method {spec} is no part of curiobench; --method {spec} allows")
+    code, out, _ = cli("table", "run")
+    assert code == 0
+    assert spec in out
+    assert "my_idea" not in sys.modules
+    code, _, err = cli("evaluate", "run", "--method", spec)
+    assert code == 2
+    assert "this must not run" in err
