@@ -1,6 +1,6 @@
 """What the hybrid policy mechanism costs: an update, and an action of 64 worlds, as multiples of its base method's.
 
-    pytest tests/benchmarks/test_hybrid.py --benchmark-only -s
+    pytest tests/benchmarks/test_hybrid_cost.py --benchmark-only -s
 
 Base and hybrid are timed in turns in one process on the same batch, so that a busy machine slows both.
 """
