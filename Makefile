@@ -27,7 +27,7 @@ test-slow: $(INSTALLED)   ## the checks that take minutes
 	$(RUN) -m pytest -n 2 -m slow --durations 10
 
 benchmark: $(INSTALLED)   ## ratios measured side by side; leave the machine alone meanwhile
-	$(RUN) -m pytest tests/benchmarks --benchmark-only -m "slow or not slow" -p no:xdist
+	$(RUN) -m pytest tests/benchmarks --benchmark-only -m "slow or not slow" -p no:xdist -s
 
 fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its pictures
 	$(RUN) docs/make_fidelity.py

@@ -89,6 +89,8 @@ class BatchedStacking:
         # one thread steps in the caller's, which spares it a hand-over
         self._rollout = rollout.Rollout(nthread=n_threads if n_threads > 1 else 0)
         self._models = [model] * n
+        # a thread fetches its worlds in four goes: MuJoCo's own forty cost a tenth of the gain from a second thread
+        self._chunk = max(1, n // (4 * n_threads))
         self._data = [mujoco.MjData(model) for _ in range(n_threads)]
         self._state = np.zeros((n, n_state))
         self._trajectory = np.zeros((n, self._bound.n_substeps, n_state))
@@ -187,6 +189,7 @@ class BatchedStacking:
             nstep=self._bound.n_substeps,
             state=self._trajectory,
             sensordata=self._sensors,
+            chunk_size=self._chunk,
         )
         self._state[:] = self._trajectory[:, -1]
         self.step_counts += 1
