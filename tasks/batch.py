@@ -14,7 +14,7 @@ from mujoco import rollout
 from curiobench.tasks.goals import GoalSpace, predicates
 from curiobench.tasks.observation import observation_size
 from curiobench.tasks.registration import EPISODE_STEPS, n_blocks_of
-from curiobench.tasks.stacking import ACTION_SIZE, SemanticStacking, check_actions, make_robot
+from curiobench.tasks.stacking import SemanticStacking, check_actions, make_robot
 from curiobench.tasks.starts import BiasedStarts
 
 logger = logging.getLogger(__name__)
@@ -255,6 +255,3 @@ class BatchedStacking:
         self.step_counts[:] = state["step_counts"]
         self.divergences = int(state["divergences"])
         self.rng.bit_generator.state = state["rng"]
-
-
-__all__ = ["ACTION_SIZE", "BatchedStacking", "Observation"]

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from curiobench.tasks.robots import HAND_ROTATION, HAND_STEP, Hand, HandState, Robot, finger_targets
+from curiobench.tasks.robots import HAND_ROTATION, HAND_STEP, Hand, HandState, Robot, add_finger_servos, finger_targets
 
 _BASE_SLIDES = {"robot0:slide0": 0.405, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
 """Where the robot stands beside the table (metres)."""
@@ -38,9 +38,7 @@ class FetchArm(Robot):
         for joint in root.find_all("joint"):
             if "finger" not in joint.name:
                 joint.limited = False
-        for joint in self._fingers:
-            root.actuator.add("position", name=joint.name, joint=joint, kp=30_000, ctrllimited=True,
-                              ctrlrange=(0, 0.2))  # fmt: skip
+        add_finger_servos(root, self._fingers)
 
     @property
     def _fingers(self) -> list[mjcf.Element]:

@@ -57,22 +57,18 @@ class SemanticStackEnv(gym.Env):
         super().reset(seed=seed)
         self._worlds.rng = self.np_random
         seen = self._worlds.reset(**reset_options(self._worlds, options))
-        return self._first(seen), self._info()
+        return self._first(seen), self._info(self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal))
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Carries out one action `(4,)`."""
         seen, reward = self._worlds.step(np.asarray(action)[None])
-        return self._first(seen), float(reward[0]), False, bool(self._worlds.truncated[0]), self._info()
+        return self._first(seen), float(reward[0]), False, bool(self._worlds.truncated[0]), self._info(reward)
 
     def _first(self, seen: Observation) -> dict[str, np.ndarray]:
         return {name: array[0] for name, array in as_dict(seen).items()}
 
-    def _info(self) -> dict[str, Any]:
-        seen = self._worlds.observe()
-        return {
-            "is_success": bool(self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal)[0]),
-            "diverged": bool(self._worlds.diverged[0]),
-        }
+    def _info(self, reward: np.ndarray) -> dict[str, Any]:
+        return {"is_success": bool(reward[0] > 0), "diverged": bool(self._worlds.diverged[0])}
 
     def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
         """Reward of a goal `(n_bits,)`, or rewards `(...)` of many `(..., n_bits)`."""

@@ -8,6 +8,7 @@ Action, each in [-1, 1]: hand displacement (x, y, z) in units of `HAND_STEP`, an
 """
 
 import abc
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
@@ -137,9 +138,7 @@ class FreeGripper(Robot):
         root.contact.add("exclude", body1=right.parent, body2=left.parent)
         for axis, stiffness, damping in zip("xyz", self.servo_stiffness, self.servo_damping, strict=True):
             root.actuator.add("position", name=f"hand_{axis}", joint=f"hand_{axis}", kp=stiffness, kv=damping)
-        for joint in (right, left):
-            root.actuator.add("position", name=joint.name, joint=joint, kp=_FINGER_KP,
-                              ctrllimited=True, ctrlrange=(0, FINGER_TARGET_LIMIT))  # fmt: skip
+        add_finger_servos(root, (right, left))
 
     @staticmethod
     def _hand_at(grip: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -190,3 +189,10 @@ def add_finger(hand: mjcf.Element, side_name: str, side: int) -> mjcf.Element:
     finger.add("geom", name=f"{side_name}_finger", type="box", pos=(0, -0.008 * side, 0), size=(0.0385, 0.007, 0.0135),
                condim=4, friction=(1, 0.05, 0.01), rgba=_METAL, **_CONTACT)  # fmt: skip
     return finger.add("joint", name=f"{side_name}_finger", axis=(0, side, 0), **_FINGER_JOINT)
+
+
+def add_finger_servos(root: mjcf.RootElement, joints: Iterable[mjcf.Element]) -> None:
+    """Adds the position servo of each finger joint to the robot's model, in their order."""
+    for joint in joints:
+        root.actuator.add("position", name=joint.name, joint=joint, kp=_FINGER_KP,
+                          ctrllimited=True, ctrlrange=(0, FINGER_TARGET_LIMIT))  # fmt: skip

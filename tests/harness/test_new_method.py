@@ -9,7 +9,6 @@ import pytest
 from tiny_runs import TINY
 
 from curiobench import checkpoint
-from curiobench.cli import main
 from curiobench.config import RunConfig
 from curiobench.files import read_json
 from curiobench.methods import plugins
@@ -24,19 +23,12 @@ FLAGS = [
 
 
 @pytest.fixture
-def cli(tmp_path, monkeypatch, capsys):
+def cli(cli, tmp_path, monkeypatch):
     """Runs a command in an empty folder, whose modules are forgotten afterwards; gives exit code, stdout and stderr."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
     known = set(sys.modules)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    yield call
+    yield cli
     for name in set(sys.modules) - known:
         if getattr(sys.modules[name], "__file__", None) and sys.modules[name].__file__.startswith(str(tmp_path)):
             del sys.modules[name]
