@@ -10,15 +10,16 @@ import re
 from collections.abc import Set as AbstractSet
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
 
-from curiobench.methods.hybrid import HybridConfig
-from curiobench.methods.registry import parse_spec
-from curiobench.methods.sac import SACConfig
+from curiobench.methods.settings import HybridConfig, SACConfig
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+
+if TYPE_CHECKING:
+    from curiobench.methods.registry import MethodSpec
 
 CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
@@ -116,7 +117,9 @@ class RunConfig:
 
     def _check_method(self) -> None:
         """Bring the spec to its one form, and see that the settings are the method's."""
-        spec = parse_spec(self.method)
+        if self.method == "sac" and self.method_config is None:
+            return  # spares the presets, and with them `--help`, the second that torch takes to load
+        spec = _parse_spec(self.method)
         object.__setattr__(self, "method", spec.text)
         if spec.reward is not None and self.method_config is None:
             object.__setattr__(self, "method_config", spec.reward.Config())
@@ -220,9 +223,15 @@ def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> li
     return found
 
 
+def _parse_spec(method: str) -> "MethodSpec":
+    from curiobench.methods.registry import parse_spec
+
+    return parse_spec(method)
+
+
 def _settings(method: str, values: Any) -> Any:
     """The `Config` of a curiosity method from plain values; raises ValueError where they do not fit."""
-    reward = parse_spec(method).reward
+    reward = _parse_spec(method).reward
     if reward is None:
         raise ValueError(f"unknown config field method_config: {method} has no settings")
     return _build(reward.Config, values, "method_config.")

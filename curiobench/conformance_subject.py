@@ -13,7 +13,8 @@ from torch import Tensor
 
 from curiobench.methods.networks import PairLayout
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import SACConfig
 
 BATCH = 64
 """Transitions in a batch, unless a property asks for more."""

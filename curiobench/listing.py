@@ -3,7 +3,8 @@
 import numpy as np
 
 from curiobench.config import PRESET_LINES
-from curiobench.methods.registry import ALIASES, HYBRID, available_specs, parse_spec
+from curiobench.methods.registry import available_specs, parse_spec
+from curiobench.methods.specs import ALIASES, HYBRID
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import TASKS, n_blocks_of
 

@@ -5,7 +5,7 @@ The colours are Okabe and Ito's (2008), which differ for colour-blind readers to
 
 import zlib
 
-from curiobench.methods.registry import HYBRID, parse_spec
+from curiobench.methods.specs import canonical, split
 
 COLOURS = {
     "sac": "#000000",
@@ -23,7 +23,6 @@ OTHERS = ("#0072B2", "#7F7F7F")
 
 def line_style(spec: str) -> dict[str, str]:
     """Colour and line style of a method spec, as keywords of `Axes.plot`."""
-    name = parse_spec(spec).text
-    base = name.removesuffix(HYBRID)
+    base, hybrid = split(canonical(spec))
     colour = COLOURS.get(base) or OTHERS[zlib.crc32(base.encode()) % len(OTHERS)]
-    return {"color": colour, "linestyle": "-" if name != base or base == "sac" else "--"}
+    return {"color": colour, "linestyle": "-" if hybrid or base == "sac" else "--"}

@@ -14,7 +14,6 @@ from typing import Any, Self
 
 from curiobench.config import CONFIG_VERSION, RunConfig, differences
 from curiobench.files import read_json, write_json
-from curiobench.methods.registry import traced
 
 FORMAT = "curiobench run"
 _BEFORE_CONFIG = {".lock", "config.json.partial"}
@@ -214,6 +213,8 @@ def versions(method: str) -> dict[str, str | None]:
 
     Where the method spec `method` is of a method from outside, also that method's file and its digest.
     """
+    from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
+
     packages = {name: version(name) for name in PACKAGES}
     return {"python": platform.python_version(), **packages, "git_commit": git_commit()} | traced(method)
 

@@ -10,7 +10,7 @@ import tyro
 
 from curiobench.arguments import parse
 from curiobench.config import PRESET_NAMES, PRESETS, RunConfig
-from curiobench.methods.registry import parse_spec
+from curiobench.methods.specs import canonical
 from curiobench.run_folder import read_config
 from curiobench.tasks.registration import check_name
 
@@ -46,7 +46,7 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
         defaults = read_config(Path(out), {_last_value(arguments, "--method")})
     else:
         defaults = PRESETS[check_name("preset", preset or "laptop", PRESET_NAMES)]
-    method = parse_spec(_last_value(arguments, "--method") or defaults.method).text
+    method = canonical(_last_value(arguments, "--method") or defaults.method)
     if method != defaults.method:
         defaults = replace(defaults, method=method, method_config=None)
     if defaults.method_config is None:

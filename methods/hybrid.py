@@ -21,8 +21,7 @@ What the paper leaves open, and what we chose:
   and in pi_d it would bring back the distraction that the mechanism removes.
 """
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,27 +32,11 @@ from curiobench.methods.intrinsic_value import MEMBERS, IntrinsicValues
 from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
 from curiobench.methods.networks import LOG_STD_RANGE, Actor, PairInputs, PairLayout, squashed_gaussian
 from curiobench.methods.reward import IntrinsicReward, Transitions
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import HybridConfig, SACConfig
 
 EXPLOIT, EXPLORE = 0, 1
 """pi_d and pi_c, wherever a tensor has one entry a policy."""
-
-
-@dataclass(frozen=True)
-class HybridConfig:
-    """Settings of the hybrid policy mechanism; without `+hm` in the method they do nothing."""
-
-    q_int_normalisation: Literal["popart", "zscore"] = "popart"
-    """What explores: Q_int under PopArt, or Q_int of the z-scored reward, which the paper compares in Figure 6."""
-    popart_rate: float = 3e-4
-    """Share of a batch in PopArt's statistics, in (0, 1]; that of Hessel et al. 2018."""
-
-    def __post_init__(self) -> None:
-        if self.q_int_normalisation not in MEMBERS:
-            legal = " and ".join(map(repr, MEMBERS))
-            raise ValueError(f"q_int_normalisation is {self.q_int_normalisation!r}; legal are {legal}")
-        if not 0 < self.popart_rate <= 1:
-            raise ValueError(f"popart_rate is {self.popart_rate}; it must lie in (0, 1]")
 
 
 class PolicyPair(nn.Module):

@@ -13,7 +13,7 @@ subtracts just that.
 """
 
 import copy
-from typing import Any
+from typing import Any, get_args
 
 import torch
 from torch import Tensor
@@ -22,8 +22,9 @@ from curiobench.methods.deepsets import DeepSets
 from curiobench.methods.losses import Metrics, critic_loss
 from curiobench.methods.networks import PairLayout
 from curiobench.methods.popart import PopArt
+from curiobench.methods.settings import QIntNormalisation
 
-MEMBERS = ("popart", "zscore")
+MEMBERS = get_args(QIntNormalisation)
 """The two values, in the order of the network's members."""
 
 

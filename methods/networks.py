@@ -15,7 +15,7 @@ learn. They are observable and DECSTR feeds them too, so they are always fed.
 import math
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -23,12 +23,11 @@ from torch.nn import functional as F
 
 from curiobench.methods.deepsets import DeepSets
 from curiobench.methods.moments import RunningMoments
+from curiobench.methods.settings import PairMode
 
 LOG_STD_RANGE = (-5.0, 2.0)
 LOG_2 = math.log(2.0)
 LOG_SQRT_2_PI = 0.5 * math.log(2.0 * math.pi)
-
-PairMode = Literal["symmetric", "oriented"]
 
 
 @dataclass(frozen=True)

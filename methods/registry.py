@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 
 from curiobench.methods.dac import DAC
-from curiobench.methods.hybrid import HybridAgent, HybridConfig
+from curiobench.methods.hybrid import HybridAgent
 from curiobench.methods.icm import ICM
 from curiobench.methods.mi import MI
 from curiobench.methods.networks import PairLayout
@@ -17,16 +17,12 @@ from curiobench.methods.plugins import file_of, installed_methods, load_class, l
 from curiobench.methods.re3 import RE3
 from curiobench.methods.reward import IntrinsicReward
 from curiobench.methods.rnd import RND
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import HybridConfig, SACConfig
+from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
 
 REWARDS: dict[str, type[IntrinsicReward]] = {"icm": ICM, "rnd": RND, "dac": DAC, "re3": RE3, "mi": MI}
 """Curiosity methods by spec."""
-
-HYBRID = "+hm"
-"""Behind a curiosity method's spec: that method under the hybrid policy mechanism."""
-
-ALIASES = {"mihm": "mi+hm"}
-"""Other names of specs; the paper calls its method MIHM."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +48,14 @@ def parse_spec(text: str) -> MethodSpec:
 
     Raises ValueError, which names the nearest legal spec, or what is wrong with a method from outside and its file.
     """
-    spec = text.strip() if ":" in text else text.strip().lower()
-    spec = ALIASES.get(spec, spec)
-    hybrid = spec.lower().endswith(HYBRID)
-    name = spec[: -len(HYBRID)] if hybrid else spec
+    spec = canonical(text)
+    name, hybrid = split(spec)
     if spec == "sac":
         return MethodSpec(spec, None)
     if name in REWARDS:
         return MethodSpec(spec, REWARDS[name], hybrid)
     if ":" in name:
-        return MethodSpec(name + HYBRID * hybrid, load_class(name, name), hybrid)
+        return MethodSpec(spec, load_class(name, name), hybrid)
     if name in installed_methods():
         return MethodSpec(spec, load_installed(name), hybrid)
     legal = f"{', '.join(available_specs())}, package.module:Class"

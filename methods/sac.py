@@ -13,7 +13,6 @@ part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower boun
 import copy
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -30,48 +29,12 @@ from curiobench.methods.networks import (
     PairEncoder,
     PairInputs,
     PairLayout,
-    PairMode,
     TwinCritics,
     squashed_gaussian,
 )
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-
-
-@dataclass(frozen=True)
-class SACConfig:
-    """Settings of the agent. Defaults are those of DECSTR where it has them."""
-
-    gamma: float = 0.98
-    """Discount factor a step, in [0, 1)."""
-    learning_rate: float = 1e-3
-    """Adam's learning rate, for actor, critics and temperature."""
-    polyak: float = 0.05
-    """Share of the critics' weights that moves into the target critics at each target update."""
-    target_every: int = 2
-    """Updates from one target update to the next."""
-    temperature: float = 0.2
-    """Weight of the policy's entropy; the initial one if tune_temperature is set."""
-    tune_temperature: bool = False
-    """Adjust the temperature until the policy's entropy is -dim(action) (Haarnoja et al. 2018, section 5)."""
-    hidden: int = 256
-    """Units in each hidden layer."""
-    layer_norm: bool = True
-    """Normalise hidden layers (Ba et al. 2016)."""
-    pairs: PairMode = "symmetric"
-    """Ordered pairs of blocks, all of them (symmetric), or one a pair, turned by the goal as in DECSTR (oriented)."""
-    identities: bool = False
-    """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
-    tau: float = 0.2
-    """Weight of curiosity: of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
-
-    def __post_init__(self) -> None:
-        for name, legal in (("gamma", 0 <= self.gamma < 1), ("polyak", 0 < self.polyak <= 1), ("tau", self.tau >= 0)):
-            if not legal:
-                raise ValueError(f"{name} is {getattr(self, name)}; see its help for the legal range")
-        for name in ("learning_rate", "target_every", "temperature", "hidden"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+from curiobench.methods.settings import SACConfig
 
 
 class SAC:

@@ -14,7 +14,7 @@ from test_learner import filled_replay, layout_of
 from curiobench.methods.process import tune_process
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SACConfig
+from curiobench.methods.settings import SACConfig
 
 TARGET = 2.0
 """Largest cost of a hybrid's update beside its base's."""

@@ -18,7 +18,8 @@ import torch
 from curiobench.methods.networks import PairLayout
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import SACConfig
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 
 STEPS = 50

@@ -9,7 +9,8 @@ from tiny_runs import TINY, numbers
 
 from curiobench import training_state
 from curiobench.errors import Interrupted
-from curiobench.methods.registry import ALIASES, available_specs
+from curiobench.methods.registry import available_specs
+from curiobench.methods.specs import ALIASES
 from curiobench.saved_agent import load_agent
 from curiobench.train import train
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from curiobench.config import RunConfig
-from curiobench.methods.sac import SACConfig
+from curiobench.methods.settings import SACConfig
 from curiobench.records import WALL_CLOCK
 from curiobench.replay import ReplayConfig
 from curiobench.run_folder import read_rows

@@ -14,7 +14,8 @@ from curiobench.methods.dac import DAC
 from curiobench.methods.networks import squashed_gaussian
 from curiobench.methods.policy_view import squashed_log_prob
 from curiobench.methods.reward import PolicyView, Transitions
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import SACConfig
 
 
 def some_method(cls: type[DAC] = DAC, **config) -> DAC:

@@ -14,7 +14,8 @@ from layouts import SMALL
 from test_sac import random_batch, same_state
 
 from curiobench.methods.registry import REWARDS, make_agent
-from curiobench.methods.sac import SAC, SACConfig
+from curiobench.methods.sac import SAC
+from curiobench.methods.settings import SACConfig
 
 every_method = pytest.mark.parametrize("spec", REWARDS)
 

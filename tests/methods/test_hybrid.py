@@ -14,10 +14,11 @@ from layouts import SMALL
 from test_sac import Counting, agent_of, random_batch, same_state
 from test_sac_learning import two_state_batch
 
-from curiobench.methods.hybrid import EXPLOIT, EXPLORE, HybridAgent, HybridConfig
+from curiobench.methods.hybrid import EXPLOIT, EXPLORE, HybridAgent
 from curiobench.methods.networks import PairInputs
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import NonFiniteError, SACConfig
+from curiobench.methods.sac import NonFiniteError
+from curiobench.methods.settings import HybridConfig, SACConfig
 
 
 def hybrid_of(seed: int = 0, cls: type[HybridAgent] = HybridAgent, term: float | None = None, **config) -> HybridAgent:

@@ -14,7 +14,7 @@ from curiobench.methods import plugins
 from curiobench.methods.guard import MethodError
 from curiobench.methods.registry import available_specs, make_agent, parse_spec, traced
 from curiobench.methods.rnd import RND
-from curiobench.methods.sac import SACConfig
+from curiobench.methods.settings import SACConfig
 
 MINE = """
 from dataclasses import dataclass

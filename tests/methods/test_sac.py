@@ -14,12 +14,12 @@ from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 from curiobench.methods.sac import (
     SAC,
     NonFiniteError,
-    SACConfig,
     critic_loss,
     policy_loss,
     soft_target,
     temperature_loss,
 )
+from curiobench.methods.settings import SACConfig
 
 
 class Counting(IntrinsicReward):

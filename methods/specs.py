@@ -1,0 +1,27 @@
+"""The text of method specs: their one form, and the one that people are shown. Needs no torch and imports no method."""
+
+HYBRID = "+hm"
+"""Behind a curiosity method's spec: that method under the hybrid policy mechanism."""
+
+ALIASES = {"mihm": "mi+hm"}
+"""Other names of specs; the paper calls its method MIHM."""
+
+
+def canonical(text: str) -> str:
+    """A spec's one form: aliases resolved, in lower case but for `package.module:Class`. It may still be unknown."""
+    spec = text.strip() if ":" in text else text.strip().lower()
+    spec = ALIASES.get(spec, spec)
+    name, hybrid = split(spec)
+    return name + HYBRID * hybrid
+
+
+def split(spec: str) -> tuple[str, bool]:
+    """The curiosity method's name in a spec, and whether the hybrid policy mechanism is around it."""
+    hybrid = spec.lower().endswith(HYBRID)
+    return (spec[: -len(HYBRID)] if hybrid else spec), hybrid
+
+
+def shown(spec: str) -> str:
+    """A spec as tables and figures show it: by its alias where it has one."""
+    names = {spec: alias for alias, spec in ALIASES.items()}
+    return names.get(canonical(spec), canonical(spec))
