@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := OMP_NUM_THREADS=1 $(BIN)/python
 INSTALLED := $(VENV)/.installed
 
-.PHONY: setup quickstart test test-slow benchmark fidelity presets lint format clean
+.PHONY: setup quickstart test test-slow benchmark fidelity presets goal-pictures lint format clean
 
 setup: $(INSTALLED)
 
@@ -34,6 +34,9 @@ fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its p
 
 presets: $(INSTALLED)   ## writes the tables of docs/presets.md from the runs in results/
 	$(RUN) docs/make_presets.py
+
+goal-pictures: $(INSTALLED)   ## draws the pictures of goals that reports show
+	$(RUN) docs/make_goal_pictures.py
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import tyro
 
@@ -58,10 +58,96 @@ class VideoArguments:
 
 @dataclass(frozen=True)
 class TableArguments:
-    """Show the learned goals of several runs at their last evaluation, a line a run."""
+    """Show what methods learned: learned goals, success and cost, with a row a task and method, over its seeds.
+
+    A single run folder gives a line on that run. What each number means: docs/results.md.
+    """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders."""
+    """Run folders, folders of run folders such as a grid's, or published sets."""
+    like: Literal["paper"] | None = None
+    """Show the tables of the paper, with its numbers beside ours."""
+    format: Literal["terminal", "markdown", "latex", "csv"] = "terminal"
+    """Format of what is printed."""
+    baseline: str | None = None
+    """Method that the others are compared with; by default sac, where there are runs of it."""
+    out: Path | None = None
+    """Folder to write the tables to, in every format; files of the same names are replaced."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Count runs that are not finished, as far as they are."""
+    each_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show a line a run, finished or not."""
+
+
+@dataclass(frozen=True)
+class FigureArguments:
+    """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
+
+    Each task has its own files, in which a method keeps its colour. docs/results.md says what each shows.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path = Path("figures")
+    """Folder of the files; those of the same names are replaced."""
+    like: str | None = None
+    """"paper" draws only the paper's Figures 4, 6C and 7."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Take runs that are not finished, too."""
+    format: str = "pdf,png"
+    """File formats, comma-separated: pdf, png, svg."""
+
+
+@dataclass(frozen=True)
+class ReportArguments:
+    """Write one HTML page about runs: tables that sort, figures, every goal with its picture, options, commands.
+
+    The page needs no network and no other file: it can be sent, kept or printed as it is.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path = Path("report.html")
+    """File to write; replaced if it is there."""
+    title: str | None = None
+    """Title of the page; by default it names the tasks."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Take runs that are not finished, too."""
+    baseline: str | None = None
+    """Method that the others are compared with; by default sac, where there are runs of it."""
+
+
+@dataclass(frozen=True)
+class PublishArguments:
+    """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
+
+    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A README and other files that
+    stand in the folder are kept.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path
+    """Folder of the set, such as results/v1."""
+    allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also take runs of altered code, or of code whose commit is not known."""
+    replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also where runs of the set that is there would be lost or get other numbers."""
+
+
+@dataclass(frozen=True)
+class SubmitCheckArguments:
+    """Examine whether runs can stand beside published ones: same tasks, test episodes and options, whole and enough.
+
+    A line a property; each begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
+    little).
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    against: str | None = None
+    """Published set to compare with, by name or path, or "presets"; by default the newest that comes with curiobench,
+    or the presets where there is none."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +215,10 @@ def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default
 
 def _one_line(box: str) -> str:
     """The message in a box as tyro draws it: its first section, and the flag that it suggests."""
-    text = re.sub(r"\x1b\[[\d;]*m", "", box)
-    rows = [row.strip("│ ") for row in text.splitlines() if row.startswith("│")]
-    sections = re.split(r"\n─+\n", "\n".join(rows))
+    rows = re.sub(r"\x1b\[[\d;]*m", "", box).splitlines()
+    # where the output is not UTF-8 there is no box, but a headline, and a line of dashes between sections
+    framed = [row for row in rows if row.startswith("│")] or [row for row in rows if row.strip()][2:]
+    sections = re.split(r"\n[─-]+\n", "\n".join(row.strip("│ ") for row in framed))
     message = " ".join(sections[0].split())
     if suggested := re.search(r"Perhaps you meant:\n(\S+)", "\n".join(sections[1:])):
         message += f"; perhaps you meant {suggested[1]}"

@@ -12,12 +12,17 @@ Which curiosity method helps a robot arm that is rewarded only at its goal?
 
   list       tasks, robots, methods and presets
   train      train one run in a folder; it may be stopped and resumed at any time
+  grid       train tasks × methods × seeds, several runs at a time
   evaluate   test a run's agent on every goal
   video      film a run's agent while it pursues a goal
-  table      learned goals of several runs, side by side
+  table      what methods learned, over seeds, beside the paper, or run by run
+  figure     learning curves, heat maps and comparisons of many runs, as PDF and PNG
+  report     tables, figures, goals and commands of many runs as one HTML page
   probe      curiosity of several runs along scripted episodes, and their controllability scores
   new-method write a curiosity method of your own to start from
   check      examine whether a curiosity method keeps the rules
+  publish    finished runs as one folder of rows, tables, figures and a report
+  submit-check examine whether runs can stand beside the published ones
 
 `curiobench COMMAND --help` explains a command. To begin:
 
@@ -46,14 +51,25 @@ def train(arguments: Sequence[str]) -> None:
     train(parsed.config, parsed.out, parsed.resume, ["curiobench", "train", *arguments])
 
 
+def grid(arguments: Sequence[str]) -> None:
+    """Train a grid of runs."""
+    from curiobench.arguments import parse
+    from curiobench.grid.arguments import GridArguments
+
+    parsed = parse(GridArguments, "grid", arguments)
+    from curiobench.grid.run import run_grid
+
+    run_grid(parsed, ["curiobench", "grid", *arguments])
+
+
 def evaluate(arguments: Sequence[str]) -> None:
     """Test a run's agent and print its learned goals."""
     from curiobench.arguments import EvaluateArguments, parse
 
     parsed = parse(EvaluateArguments, "evaluate", arguments)
     from curiobench.evaluation import Evaluator
+    from curiobench.learned_goals import format_goals, format_layers
     from curiobench.saved_agent import load_agent
-    from curiobench.tables import format_goals, format_layers
 
     config, agent = load_agent(parsed.run, {parsed.method})
     episodes = config.episodes_per_goal if parsed.episodes is None else parsed.episodes
@@ -77,19 +93,53 @@ def video(arguments: Sequence[str]) -> None:
 
 
 def table(arguments: Sequence[str]) -> None:
-    """Print the learned goals of runs; raises ValueError, after the table, that names the folders it could not read."""
+    """Print tables of runs; raises ValueError, after them, that names the folders that are not in them."""
     from curiobench.arguments import TableArguments, parse
 
     parsed = parse(TableArguments, "table", arguments)
     if not parsed.runs:
         raise ValueError("name at least one run folder")
-    from curiobench.tables import format_runs, summarise_runs
+    from curiobench.results.table_command import show_tables
 
-    summaries, faults = summarise_runs(parsed.runs)
-    if summaries:
-        print(format_runs(summaries))
-    if faults:
-        raise ValueError("not in the table: " + "; ".join(faults))
+    show_tables(parsed)
+
+
+def figure(arguments: Sequence[str]) -> None:
+    """Draw the figures of runs; raises ValueError, after them, that names the paths that gave no run."""
+    from curiobench.arguments import FigureArguments, parse
+
+    parsed = parse(FigureArguments, "figure", arguments)
+    if not parsed.runs:
+        raise ValueError("name at least one run folder, folder of run folders or published set")
+    from curiobench.results.figures import draw_figures
+    from curiobench.results.frames import read_results
+
+    results = read_results(parsed.runs, parsed.partial, every_goal=False, progress=["share_exploitation"])
+    for file in draw_figures(results, parsed.out, parsed.like, parsed.format.split(",")):
+        print(file)
+    for fault in results.faults:
+        if fault not in results.absent:
+            print(f"curiobench: {fault}", file=sys.stderr)
+    if results.absent:
+        raise ValueError("not in the figures: " + "; ".join(results.absent))
+
+
+def report(arguments: Sequence[str]) -> None:
+    """Write a report on runs; raises ValueError, after it, that names the paths that gave no run."""
+    from curiobench.arguments import ReportArguments, parse
+
+    parsed = parse(ReportArguments, "report", arguments)
+    if not parsed.runs:
+        raise ValueError("name at least one run folder, folder of run folders or published set")
+    from curiobench.results.report import write_report
+
+    results = write_report(parsed.runs, parsed.out, parsed.title, parsed.partial, parsed.baseline)
+    print(parsed.out)
+    for fault in results.faults:
+        if fault not in results.absent:
+            print(f"curiobench: {fault}", file=sys.stderr)
+    if results.absent:
+        raise ValueError("not in the report: " + "; ".join(results.absent))
 
 
 def probe(arguments: Sequence[str]) -> None:
@@ -136,15 +186,45 @@ def check(arguments: Sequence[str]) -> None:
         raise CheckFailed(f"{parsed.method} fails {failed} of {len(findings)} properties")
 
 
+def publish(arguments: Sequence[str]) -> None:
+    """Write a published set."""
+    from curiobench.arguments import PublishArguments, parse
+
+    parsed = parse(PublishArguments, "publish", arguments)
+    from curiobench.results.publish import publish
+
+    print("\n".join(publish(parsed.runs, parsed.out, parsed.allow_dirty, parsed.replace)))
+
+
+def submit_check(arguments: Sequence[str]) -> None:
+    """Print what is found in a submission; raises CheckFailed, after it, where a property fails."""
+    from curiobench.arguments import SubmitCheckArguments, parse
+
+    parsed = parse(SubmitCheckArguments, "submit-check", arguments)
+    from curiobench.results.submit_check import submit_check
+
+    if not parsed.runs:
+        raise ValueError("name at least one run folder")
+    title, findings = submit_check(parsed.runs, parsed.against)
+    print("\n".join([title, *map(str, findings)]))
+    if failed := sum(finding.verdict == "FAIL" for finding in findings):
+        raise CheckFailed(f"the submission fails {failed} of {len(findings)} properties")
+
+
 COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     "list": list_choices,
     "train": train,
+    "grid": grid,
     "evaluate": evaluate,
     "video": video,
     "table": table,
+    "figure": figure,
+    "report": report,
     "probe": probe,
     "new-method": new_method,
     "check": check,
+    "publish": publish,
+    "submit-check": submit_check,
 }
 
 

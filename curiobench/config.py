@@ -214,8 +214,16 @@ PRESET_LINES = MappingProxyType(
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:
-    """Fields that decide numbers and differ, as "epochs is 50, not 60"; empty where the runs would be the same."""
-    return _differences(old.decisive(), new.decisive())
+    """Fields that decide numbers and differ, as "epochs is 50, not 60"; empty where the runs would be the same.
+
+    Settings of two different methods have nothing in common and are not compared.
+    """
+    found = [f"method is {old.method!r}, not {new.method!r}"] if old.method != new.method else []
+    if type(old.method_config) is not type(new.method_config):
+        old, new = (replace(config, method="sac", method_config=None) for config in (old, new))
+    else:
+        new = replace(new, method=old.method)
+    return found + _differences(old.decisive(), new.decisive())
 
 
 def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> list[str]:

@@ -9,13 +9,14 @@ import copy
 import io
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from curiobench.conformance_subject import Subject, global_generators, same, seeded_globals, snapshot
+from curiobench.findings import Finding
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
@@ -36,21 +37,6 @@ class Broken(Exception):
 
 class Skipped(Exception):
     """A rule does not apply; says why."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What came out for one property."""
-
-    property: str
-    """The rule."""
-    verdict: str
-    """pass, FAIL, skip or warn."""
-    detail: str = ""
-    """What was expected and found, why it was skipped, or what was measured."""
-
-    def __str__(self) -> str:
-        return f"{self.verdict}  {self.property}{self.detail and ': '}{self.detail}"
 
 
 def examine(method: type[IntrinsicReward]) -> list[Finding]:

@@ -8,7 +8,7 @@ from rich.live import Live
 from rich.text import Text
 
 from curiobench.config import RunConfig
-from curiobench.tables import Layers
+from curiobench.learned_goals import Layers
 from curiobench.training_state import Counters
 
 

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 
 from curiobench.methods.sac import SAC
+from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import check_finite
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace, goal_space
 from curiobench.tasks.registration import EPISODE_STEPS, n_blocks_of
 
-EVALUATION_SEED = 20_260
-"""Seed of all test episodes. Part of the protocol: results under another seed are not comparable."""
-LEARNED_ABOVE = 0.8
-"""A goal counts as learned if more than this share of its test episodes succeed."""
 MAX_WORLDS = 256
 """Test episodes stepped together; part of the protocol, as it decides which start each of them gets."""
 

@@ -5,11 +5,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from curiobench.learned_goals import align
 from curiobench.probe import ProbedRun, Reading, Score, controllability, open_runs, read
 from curiobench.probe_episodes import Played, play_scripts, reference_transitions
 from curiobench.probe_figures import draw_q_int, draw_rewards
 from curiobench.probe_steps import falling, lifting
-from curiobench.tables import align
 
 
 def probe(

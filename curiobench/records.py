@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from curiobench.evaluation import Evaluation
-from curiobench.tables import last_evaluation, learned_by_layer
+from curiobench.learned_goals import last_evaluation, learned_by_layer
 from curiobench.training_state import TrainingState
 
 PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")

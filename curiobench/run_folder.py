@@ -14,6 +14,8 @@ from typing import Any, Self
 
 from curiobench.config import CONFIG_VERSION, RunConfig, differences
 from curiobench.files import read_json, write_json
+from curiobench.protocol import EVALUATION_SEED
+from curiobench.tasks.registration import TASK_VERSION
 
 FORMAT = "curiobench run"
 _BEFORE_CONFIG = {".lock", "config.json.partial"}
@@ -208,15 +210,17 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def versions(method: str) -> dict[str, str | None]:
-    """Versions of Python and of the packages that decide the numbers, and the git commit of this one if it has any.
+def versions(method: str) -> dict[str, str | int | None]:
+    """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, and
+    the git commit of this package if it has any.
 
     Where the method spec `method` is of a method from outside, also that method's file and its digest.
     """
     from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
 
     packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), **packages, "git_commit": git_commit()} | traced(method)
+    protocol = {"task_version": TASK_VERSION, "evaluation_seed": EVALUATION_SEED}
+    return {"python": platform.python_version(), **packages, **protocol, "git_commit": git_commit()} | traced(method)
 
 
 def git_commit() -> str | None:

@@ -14,11 +14,11 @@ from curiobench.config import RunConfig
 from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed
 from curiobench.evaluation import Evaluation, Evaluator
-from curiobench.figures import draw_learning_curve
+from curiobench.learned_goals import format_layers, last_evaluation, learned_by_layer
+from curiobench.learning_curve import draw_learning_curve
 from curiobench.methods.process import tune_process
 from curiobench.records import progress_row, result
 from curiobench.run_folder import RunFolder, read_record, read_rows, versions
-from curiobench.tables import format_layers, last_evaluation, learned_by_layer
 from curiobench.tensorboard import TensorBoardLog
 from curiobench.training_state import TrainingState, check_device
 

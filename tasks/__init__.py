@@ -7,13 +7,13 @@
 import os
 import sys
 
-from curiobench.tasks.registration import ROBOTS, TASKS, n_blocks_of
+from curiobench.tasks.registration import ROBOTS, TASK_VERSION, TASKS, n_blocks_of
 
 if sys.platform == "linux" and not os.environ.get("DISPLAY"):
     # MuJoCo and dm_control choose their renderer when they are imported, and without a screen GLFW cannot draw
     os.environ.setdefault("MUJOCO_GL", "egl")
 
-__all__ = ["ROBOTS", "TASKS", "BatchedStacking", "load", "n_blocks_of"]
+__all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "load", "n_blocks_of"]
 
 
 def __getattr__(name: str):

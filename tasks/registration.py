@@ -6,6 +6,8 @@ import gymnasium
 
 TASKS = ("stack2", "stack3", "stack4", "stack5")
 ROBOTS = ("gripper", "fetch")
+TASK_VERSION = 1
+"""Raised whenever worlds, goals, rewards or starts change such that results do; config.json of every run names it."""
 EPISODE_STEPS = 50
 """Actions per episode; an episode never ends earlier."""
 

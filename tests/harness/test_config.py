@@ -82,6 +82,12 @@ def test_machine_settings_decide_nothing():
     assert smoke.fingerprint() != changed.fingerprint()
 
 
+@pytest.mark.parametrize(("old", "new"), [("icm", "sac"), ("sac", "icm"), ("icm", "rnd"), ("icm", "icm+hm")])
+def test_differences_of_two_methods_leave_out_their_settings(old: str, new: str):
+    ours, other = (replace(PRESETS["smoke"], method=method) for method in (old, new))
+    assert differences(ours, replace(other, epochs=9)) == [f"method is {old!r}, not {new!r}", "epochs is 5, not 9"]
+
+
 def test_flags_override_the_preset():
     arguments = "--out x --preset smoke --epochs 7 --sac.gamma 0.9 --replay.satisfied-cap None --sac.tune-temperature"
     parsed = parse_train(arguments.split())

@@ -14,10 +14,10 @@ from curiobench.config import MachineConfig
 from curiobench.errors import Interrupted, RunFailed
 from curiobench.evaluation import Evaluator
 from curiobench.files import read_json, write_json
+from curiobench.learned_goals import last_evaluation
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import RunFolder, read_rows
 from curiobench.saved_agent import load_agent
-from curiobench.tables import last_evaluation
 from curiobench.train import Run, train
 from curiobench.training_state import TrainingState
 

@@ -1,20 +1,18 @@
-"""Figures, from the rows of evaluations.csv."""
+"""The picture that training leaves in a run folder; figures of many runs are drawn by curiobench.results.figures."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from curiobench.canvas import new_figure, save
+
 
 def draw_learning_curve(rows: Sequence[dict[str, str]], path: Path) -> Path:
-    """Draw mean success over training, one line a layer, as a PNG; returns its path."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # a second to import, and needs no screen
-    from matplotlib.figure import Figure
-
+    """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
     curves: dict[int, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
         curves[int(row["layer"])][int(row["steps"])].append(float(row["success"]))
-    figure = Figure(figsize=(6, 3.5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(6, 3.5, dpi=150)
     axes = figure.subplots()
     for layer, by_step in sorted(curves.items()):
         n_goals = len(next(iter(by_step.values())))
@@ -23,5 +21,4 @@ def draw_learning_curve(rows: Sequence[dict[str, str]], path: Path) -> Path:
     axes.set(xlabel="steps", ylabel="success from plain starts", ylim=(-0.02, 1.02))
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=150)
-    return path
+    return save(figure, path.with_suffix(""), ["png"])[0]

@@ -1,0 +1,57 @@
+"""Figures as files: they need no screen, and the same data gives the same bytes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("pdf", "png", "svg")
+"""Formats that a figure can be saved in."""
+
+
+def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
+    """An empty figure of a size in inches that lays itself out and needs no screen; `dpi` dots an inch as a PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # a second to import
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)  # which measures text at once; the default canvas makes a new one each time
+    return figure
+
+
+def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
+    """Save a figure, laid out and drawn once for each of its formats, which `Figure.savefig` does more often.
+
+    Args:
+        figure: not to be used afterwards.
+        path: of the files, without suffix.
+        formats: some of `FORMATS`.
+
+    Returns:
+        The files.
+    """
+    dpi = figure.dpi
+    paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+    for file, suffix in zip(paths, formats, strict=True):
+        figure.dpi = dpi  # a vector format leaves its own
+        _print(figure, file, suffix)
+        figure.set_layout_engine("none")  # the layout of the first format serves all
+    return paths
+
+
+def _print(figure: "Figure", file: Path, suffix: str) -> None:
+    """Write one file without what would change from day to day, or from one version of matplotlib to the next."""
+    if suffix == "pdf":
+        from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+        FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})
+    elif suffix == "svg":
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
+    else:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})

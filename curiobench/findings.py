@@ -1,0 +1,18 @@
+"""What an examination finds: a line a property, as `curiobench check` and `curiobench submit-check` print them."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came out for one property."""
+
+    property: str
+    """The rule."""
+    verdict: str
+    """pass, FAIL, skip or warn."""
+    detail: str = ""
+    """What was expected and found, why it was skipped, or what was measured."""
+
+    def __str__(self) -> str:
+        return f"{self.verdict}  {self.property}{self.detail and ': '}{self.detail}"

@@ -1,0 +1,124 @@
+"""The cells of a grid: what each trains, by which command, in which folder."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+from curiobench.config import PRESETS, RunConfig
+from curiobench.grid.definition import Grid, Options, Scalar
+from curiobench.methods.registry import ALIASES
+from curiobench.tasks.registration import check_name
+from curiobench.train_arguments import parse_train
+
+_OWN = ("task", "method", "seed")
+"""Options that are axes of the grid."""
+_AXES_OF_ALL = ("preset", "robot")
+"""Options that the grid has keys of its own for; a variant may still differ in them."""
+_METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run of a grid."""
+
+    out: Path
+    """Folder of the grid."""
+    folder: str
+    """Name of the run folder in it."""
+    method: str
+    """Method spec as it is shown: `mihm`, not `mi+hm`."""
+    variant: str
+    """Name of the variant; empty where the grid has none."""
+    config: RunConfig
+    """Decides the numbers of the run."""
+    arguments: tuple[str, ...]
+    """Arguments of `curiobench train`."""
+
+    @property
+    def path(self) -> Path:
+        """The run folder."""
+        return self.out / self.folder
+
+    @property
+    def log(self) -> Path:
+        """What the training process prints. Not in the run folder, which has to be empty before `train` begins."""
+        return self.out / f"{self.folder}.log"
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """The command line that trains it."""
+        return ("curiobench", "train", *self.arguments)
+
+
+def cells_of(grid: Grid, out: Path) -> list[Cell]:
+    """All cells, those of the first seed first: what a grid has after a third of its time can be compared already.
+
+    Raises ValueError where a task, method or option is wrong; one line that says which.
+    """
+    for options in (grid.options, *grid.variants.values()):
+        _check_names(options)
+    if taken := [name for name in _AXES_OF_ALL if name in grid.options]:
+        raise ValueError(f"options: {taken[0]} has a key and a flag of its own")
+    by_seed = list(zip(*(_seeds_of_one(grid, out, *axes) for axes in _axes(grid)), strict=True))
+    cells = [cell for row in by_seed for cell in row]
+    folders = [cell.folder for cell in cells]
+    if doubled := [name for name in folders if folders.count(name) > 1]:
+        raise ValueError(f"two cells would share the folder {doubled[0]}; is a method named twice?")
+    return cells
+
+
+def _axes(grid: Grid) -> Iterator[tuple[str, str, str]]:
+    return product(grid.tasks, grid.methods, grid.variants)
+
+
+def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -> list[Cell]:
+    """The cells that differ in their seed alone, whose options are read once."""
+    options = {"preset": grid.preset, "robot": grid.robot, **grid.options, **grid.variants[variant]}
+    flags = [flag for name, value in options.items() for flag in _flags(name, value)]
+    try:
+        config = parse_train(["--task", task, "--method", method, *flags, "--out", str(out)]).config
+    except ValueError as error:
+        raise ValueError(f"{' '.join(filter(None, (task, method, variant)))}: {error}") from None
+    shown = {canonical: alias for alias, canonical in ALIASES.items()}.get(config.method, config.method)
+    cells = []
+    for seed in grid.seeds:
+        folder = "-".join(filter(None, (task, folder_name(shown), variant, str(seed))))
+        axes = ("--task", task, "--method", shown, "--seed", str(seed))
+        arguments = (*axes, *flags, "--out", str(out / folder), "--resume")
+        cells.append(Cell(out, folder, shown, variant, replace(config, seed=seed), arguments))
+    return cells
+
+
+def folder_name(method: str) -> str:
+    """A method spec as part of a folder's name: `package.module:Class` loses its colon."""
+    return re.sub(r"[^\w.+-]", ".", method)
+
+
+def _check_names(options: Options) -> None:
+    """See that options exist. Not left to the parser alone, which knows flags that are no options, such as --help."""
+    legal = (*_AXES_OF_ALL, *_names(PRESETS["laptop"].to_json()))
+    for name in options:
+        if name in _OWN:
+            raise ValueError(f"options: {name} is an axis of the grid; use {name}s")
+        if not _METHOD_OPTION.fullmatch(name):
+            check_name("option", name, legal)
+
+
+def _names(values: dict, prefix: str = "") -> Iterator[str]:
+    """Names of a config's fields as the command line has them, without those of the grid itself."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _names(value, f"{prefix}{name}.")
+        elif name not in (*_OWN, *_AXES_OF_ALL, "method_config"):
+            yield f"{prefix}{name}".replace("_", "-")
+
+
+def _flags(name: str, value: Scalar) -> list[str]:
+    """An option as the command line has it; a flag that is false has `no-` before its last part."""
+    if isinstance(value, bool):
+        path, dot, last = name.rpartition(".")
+        return [f"--{path}{dot}{'' if value else 'no-'}{last}"]
+    text = str(value)
+    return [f"--{name}={text}"] if text.startswith("-") else [f"--{name}", text]

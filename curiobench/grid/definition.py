@@ -1,0 +1,194 @@
+"""What a grid is made of, from flags and a YAML file."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from curiobench.grid.arguments import GridArguments
+
+Scalar = str | int | float | bool | None
+Options = Mapping[str, Scalar]
+"""Options of `curiobench train` by name, without the leading hyphens."""
+
+DEFAULT_SEEDS = 3
+_VARIANT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=+-]{0,99}")
+"""Part of a folder's name, so nothing that leads elsewhere."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid: a cell for every task, method, seed and variant."""
+
+    tasks: Sequence[str]
+    """Names of tasks."""
+    methods: Sequence[str]
+    """Method specs."""
+    seeds: Sequence[int] = tuple(range(DEFAULT_SEEDS))
+    """Seeds."""
+    preset: str = "laptop"
+    """Preset of all cells."""
+    robot: str = "gripper"
+    """Robot of all cells."""
+    options: Options = field(default_factory=dict)
+    """Options of all cells."""
+    variants: Mapping[str, Options] = field(default_factory=lambda: {"": {}})
+    """Options of some cells, by the variant's name, which becomes part of the folders' names."""
+
+    def __post_init__(self) -> None:
+        for name in ("tasks", "methods", "seeds"):
+            values = getattr(self, name)
+            if not values:
+                raise ValueError(f"the grid has no {name}: name some by --{name}, or by {name} in the file")
+            if doubled := [value for i, value in enumerate(values) if value in values[:i]]:
+                raise ValueError(f"{name} names {doubled[0]} twice")
+        if min(self.seeds) < 0:
+            raise ValueError(f"seeds holds {min(self.seeds)}; a seed is at least 0")
+
+
+def define(arguments: GridArguments) -> Grid:
+    """The grid of a command line: what its file says, overridden by its flags; raises ValueError, one line."""
+    values = {} if arguments.file is None else read_definition(arguments.file)
+    for name in ("tasks", "methods"):
+        if (text := getattr(arguments, name)) is not None:
+            values[name] = _split(text)
+    if arguments.seeds is not None:
+        values["seeds"] = _seeds_of_text(arguments.seeds)
+    values |= {name: text for name in ("preset", "robot") if (text := getattr(arguments, name)) is not None}
+    if arguments.options is not None:
+        values["options"] = values.get("options", {}) | _options_of_text(arguments.options)
+    return Grid(**{"tasks": (), "methods": ()} | values)
+
+
+def read_definition(path: Path) -> dict[str, Any]:
+    """Arguments of `Grid` from a YAML file.
+
+    Raises ValueError, one line that names the file: it cannot be read, or holds unknown or doubled keys or values of
+    another type.
+    """
+    try:
+        values = yaml.load(path.read_bytes(), Loader=_Loader)  # derived from SafeLoader
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    except yaml.MarkedYAMLError as error:
+        where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ValueError(f"{path}{where}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ValueError(f"cannot read {path}: {' '.join(str(error).split())}") from None
+    try:
+        return {name: _READERS[name](value, name) for name, value in _mapping(values, "the file").items()}
+    except KeyError as error:
+        raise ValueError(f"{path}: unknown key {error}; the keys are {', '.join(_READERS)}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values only, and no key twice: YAML would silently take the last one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if doubled := [name for i, name in enumerate(names) if name in names[:i]]:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"the key {doubled[0]!r} is there twice", node.start_mark
+            )
+        return super().construct_mapping(node, deep)
+
+
+def _names(value: Any, where: str) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ValueError(f"{where} is {_kind(value)}; expected a list of names such as [a, b]")
+    return value
+
+
+def _seeds(value: Any, where: str) -> list[int]:
+    if type(value) is int:
+        return list(range(value))
+    if not isinstance(value, list) or not all(type(seed) is int for seed in value):
+        raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or a list of seeds such as [4, 7]")
+    return value
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{where} is {_kind(value)}; expected a name")
+    return value
+
+
+def _options(value: Any, where: str) -> dict[str, Scalar]:
+    found: dict[str, Scalar] = {}
+    for name, option in _mapping({} if value is None else value, where).items():
+        if not isinstance(option, Scalar):
+            raise ValueError(f"{where}: {name} is {_kind(option)}; expected a number, text, true, false or null")
+        canonical = name.replace("_", "-")
+        if canonical in found:
+            raise ValueError(f"{where}: the option {canonical!r} is there twice")
+        found[canonical] = option
+    return found
+
+
+def _variants(value: Any, where: str) -> dict[str, dict[str, Scalar]]:
+    variants = {name: _options(options, f"variant {name}") for name, options in _mapping(value, where).items()}
+    for name in variants:
+        if not _VARIANT.fullmatch(name):
+            raise ValueError(f"variant {name!r}: a name is made of letters, digits and . _ = + -, and begins with none")
+    if not variants:
+        raise ValueError(f"{where} is empty")
+    return variants
+
+
+_READERS = {
+    "tasks": _names,
+    "methods": _names,
+    "seeds": _seeds,
+    "preset": _text,
+    "robot": _text,
+    "options": _options,
+    "variants": _variants,
+}
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{where} is {_kind(value)}; expected keys with values")
+    for key in value:
+        if not isinstance(key, str):
+            raise ValueError(f"{where}: the key {key!r} is {_kind(key)}; put it in quotes")
+    return value
+
+
+def _kind(value: Any) -> str:
+    """A value as an error message shows it; what is nested is not shown, it may be endless."""
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, dict):
+        return "a mapping"
+    return "empty" if value is None else repr(value)[:80]
+
+
+def _split(text: str) -> list[str]:
+    return [part for part in (part.strip() for part in text.split(",")) if part]
+
+
+def _seeds_of_text(text: str) -> list[int]:
+    try:
+        seeds = [int(part) for part in _split(text)]
+    except ValueError:
+        raise ValueError(f"seeds is {text!r}; expected a number of seeds, or seeds such as 4,7") from None
+    return seeds if "," in text or not seeds else list(range(seeds[0]))
+
+
+def _options_of_text(text: str) -> dict[str, Scalar]:
+    pairs = [part.partition("=") for part in _split(text)]
+    for name, sign, _ in pairs:
+        if not sign:
+            raise ValueError(f"options: {name!r} has no value; expected pairs such as epochs=12,sac.gamma=0.9")
+    names = [name.strip() for name, _, _ in pairs]
+    if doubled := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise ValueError(f"options: the option {doubled[0]!r} is there twice")
+    words = {"true": True, "false": False}
+    values = (value.strip() for _, _, value in pairs)
+    return _options({n: words.get(v.lower(), v) for n, v in zip(names, values, strict=True)}, "options")

@@ -1,0 +1,121 @@
+"""What a cell's folder says about it. Grids share nothing but the folders, so they are asked each time."""
+
+import csv
+import fcntl
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from curiobench.config import differences
+from curiobench.grid.cells import Cell
+from curiobench.run_folder import read_config
+
+
+class State(StrEnum):
+    """What a cell is doing."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    ELSEWHERE = "elsewhere"
+    """Another process trains in its folder."""
+    FINISHED = "finished"
+    BROKEN = "broken"
+    CONFLICT = "conflict"
+    """Its folder holds something else, which is left alone."""
+    STOPPED = "stopped"
+
+
+def look(cell: Cell) -> tuple[State, str]:
+    """State of a cell that this grid does not run, and the reason if it is a conflict."""
+    if not (cell.path / "config.json").exists():
+        return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
+    try:
+        found = differences(read_config(cell.path, {cell.config.method}), cell.config)
+    except ValueError as error:
+        return State.CONFLICT, str(error)
+    if found:
+        return State.CONFLICT, f"{cell.path} has another config: {'; '.join(found)}"
+    if (cell.path / "result.json").exists():
+        return State.FINISHED, ""
+    return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a process trains in a run folder."""
+    try:
+        with open(path / ".lock") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+@dataclass
+class Progress:
+    """How far a run has come."""
+
+    epoch: int = 0
+    """Epochs completed."""
+    seconds: float = 0.0
+    """Wall-clock time that they took."""
+    learned: int | None = None
+    """Goals learned at the last evaluation after an epoch."""
+    goals: int | None = None
+    """All goals."""
+    written: float = 0.0
+    """When the last row was written, in seconds since 1970."""
+
+
+class ProgressReader:
+    """Follows progress.csv of a run folder; reads it only when it has changed."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._stamp: tuple[int, int] | None = None
+        self.progress = Progress()
+
+    def update(self) -> Progress:
+        """The progress as the files tell it now."""
+        try:
+            status = (self._path / "progress.csv").stat()
+            if (status.st_size, status.st_mtime_ns) != self._stamp:
+                self.progress = self._read(status.st_mtime)
+                self._stamp = (status.st_size, status.st_mtime_ns)
+        except (OSError, ValueError, KeyError, csv.Error):
+            pass  # not there yet, or in the midst of being written: the next look tells
+        return self.progress
+
+    def _read(self, written: float) -> Progress:
+        rows = _whole_rows(self._path / "progress.csv")
+        if not rows:
+            return Progress()
+        learned = [row["goals_learned"] for row in rows if row["goals_learned"]]
+        goals = self.progress.goals or _count_goals(self._path / "evaluations.csv")
+        last = rows[-1]
+        return Progress(
+            int(last["epoch"]), float(last["seconds"]), int(learned[-1]) if learned else None, goals, written
+        )
+
+
+def _whole_rows(path: Path) -> list[dict[str, Any]]:
+    """Rows of a csv file that another process may be appending to."""
+    text = path.read_text()
+    return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
+
+
+def _count_goals(path: Path) -> int | None:
+    """Goals in the first evaluation of a run."""
+    with open(path, newline="") as file:
+        rows = csv.DictReader(file)
+        first = next(rows, None)
+        if first is None:
+            return None
+        count = 1
+        for row in rows:
+            if row["epoch"] != first["epoch"]:
+                return count
+            count += 1
+    return count

@@ -1,0 +1,192 @@
+"""What a grid shows while it works: a row a cell on a terminal, a line a change elsewhere."""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Protocol
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from curiobench.grid.disk import State
+from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
+
+REFRESH_SECONDS = 1.0
+"""Between two drawings of the live rows, which take milliseconds of a core that a cell could use."""
+REPORT_SECONDS = 300.0
+"""Between two lines on the grid's progress where there is no terminal."""
+
+_STYLES = {
+    State.RUNNING: "cyan",
+    State.BROKEN: "bold red",
+    State.CONFLICT: "red",
+    State.ELSEWHERE: "magenta",
+    State.STOPPED: "yellow",
+    State.WAITING: "dim",
+    State.FINISHED: "green",
+}
+"""Colours; the order decides which cells are shown where a terminal is too low for all."""
+
+
+class View(Protocol):
+    """Told by the scheduler what happens."""
+
+    def event(self, text: str) -> None:
+        """Something that a person should know, in one line or several."""
+
+    def started(self, status: Status) -> None:
+        """A cell's process has been started."""
+
+    def ended(self, status: Status) -> None:
+        """A cell is finished, stopped, in conflict, or taken by another process."""
+
+    def show(self, statuses: Sequence[Status], slots: int) -> None:
+        """How all cells fare, `slots` at a time; called often."""
+
+    def close(self) -> None:
+        """Give the terminal back."""
+
+
+class PlainView:
+    """Lines with the time of day, for logs."""
+
+    def __init__(self) -> None:
+        self._reported = time.monotonic()
+
+    def event(self, text: str) -> None:
+        """Print it."""
+        print(f"{datetime.now():%H:%M:%S} {text}", flush=True)
+
+    def started(self, status: Status) -> None:
+        """Print which epoch it starts from."""
+        self.event(f"{status.cell.folder}: started at epoch {status.progress.epoch + 1} of {status.cell.config.epochs}")
+
+    def ended(self, status: Status) -> None:
+        """Print how it ended."""
+        learned = f", {_learned(status)} goals learned" if status.state is State.FINISHED else ""
+        self.event(f"{status.cell.folder}: {_phrase(status)}{learned}")
+
+    def show(self, statuses: Sequence[Status], slots: int) -> None:
+        """Print a line on all cells, every few minutes."""
+        if time.monotonic() - self._reported >= REPORT_SECONDS:
+            self._reported = time.monotonic()
+            self.event(summary(statuses, slots))
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class LiveView:
+    """A table on the terminal that stays up to date; what went wrong is printed above it."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console(highlight=False)
+        self._live = Live(console=self._console, auto_refresh=False)
+        self._live.start()
+        self._drawn = 0.0
+
+    def event(self, text: str) -> None:
+        """Print it above the table."""
+        self._console.print(f"{datetime.now():%H:%M:%S} {text}", markup=False, soft_wrap=True)
+
+    def started(self, status: Status) -> None:
+        """The table shows it."""
+
+    def ended(self, status: Status) -> None:
+        """The table shows it."""
+
+    def show(self, statuses: Sequence[Status], slots: int) -> None:
+        """Draw the table again, at most once a second."""
+        self._frame = (statuses, slots)
+        if time.monotonic() - self._drawn >= REFRESH_SECONDS:
+            self._draw()
+
+    def close(self) -> None:
+        """Draw the last state, which stays on the terminal."""
+        if hasattr(self, "_frame"):
+            self._draw()
+        self._live.stop()
+
+    def _draw(self) -> None:
+        statuses, slots = self._frame
+        self._live.update(overview(statuses, slots, self._console.height), refresh=True)
+        self._drawn = time.monotonic()
+
+
+def view() -> View:
+    """What suits stdout."""
+    return LiveView() if sys.stdout.isatty() else PlainView()
+
+
+def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
+    """A row a cell, as many as fit in `height` lines, the rest counted, and a line on the grid."""
+    room = max(1, height - 4)
+    shown, rest = list(statuses), []
+    if len(statuses) > room:
+        order = list(_STYLES)
+        by_importance = sorted(statuses, key=lambda status: order.index(status.state))
+        shown, rest = by_importance[: room - 1], by_importance[room - 1 :]
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("cell")  # the one that gives way where the terminal is narrow
+    for name in ("state", "", "epoch", "learned", "left"):
+        table.add_column(name, no_wrap=True, justify="left" if name in ("state", "") else "right")
+    known = paces(statuses)
+    for status in shown:
+        table.add_row(*_cells_of_row(status, known))
+    more = [Text(f"… and {len(rest)} more: {_counts(rest)}", style="dim")] if rest else []
+    return Group(table, *more, Text(summary(statuses, slots)))
+
+
+def _cells_of_row(status: Status, known: Paces) -> list[Text | ProgressBar | str]:
+    epoch, epochs = status.progress.epoch, status.cell.config.epochs
+    is_open = status.state in (State.RUNNING, State.ELSEWHERE)
+    word = "queued" if status.job and not status.has_begun else str(status.state)
+    return [
+        Text(status.cell.folder, no_wrap=True, overflow="ellipsis"),
+        Text(word, style=_STYLES[status.state]),
+        ProgressBar(epochs, epoch, width=10),
+        f"{epoch}/{epochs}",
+        _learned(status),
+        duration(seconds_left(status, known, time.time())) if is_open else "",
+    ]
+
+
+def summary(statuses: Sequence[Status], slots: int) -> str:
+    """One line on all cells."""
+    finished = sum(status.state is State.FINISHED for status in statuses)
+    others = _counts([status for status in statuses if status.state is not State.FINISHED])
+    left = grid_seconds_left(statuses, slots, time.time())
+    parts = [f"{finished} of {len(statuses)} cells finished", others, f"{duration(left)} left" if left else ""]
+    return ", ".join(filter(None, parts))
+
+
+def _counts(statuses: Sequence[Status]) -> str:
+    counts = Counter(status.state for status in statuses)
+    return ", ".join(f"{counts[state]} {state}" for state in _STYLES if counts[state])
+
+
+def _phrase(status: Status) -> str:
+    if status.state is State.ELSEWHERE:
+        return "runs elsewhere"
+    if status.state is State.STOPPED:
+        return f"stopped, {status.progress.epoch} of {status.cell.config.epochs} epochs done"
+    return str(status.state)
+
+
+def _learned(status: Status) -> str:
+    progress = status.progress
+    return "-" if progress.learned is None else f"{progress.learned}/{progress.goals or '?'}"
+
+
+def duration(seconds: float | None) -> str:
+    """Hours, minutes and seconds, as 1:02:03; "-" where it is not known."""
+    if seconds is None:
+        return "-"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}"

@@ -1,0 +1,86 @@
+"""`curiobench grid`, top to bottom: what is asked for, who launches it, what became of it."""
+
+import shlex
+from collections.abc import Sequence
+
+from curiobench.errors import Interrupted, RunFailed
+from curiobench.grid.arguments import GridArguments
+from curiobench.grid.cells import Cell, cells_of
+from curiobench.grid.definition import define
+from curiobench.grid.disk import State, look
+from curiobench.grid.launcher import Launcher
+from curiobench.grid.local import LocalLauncher, physical_cores
+from curiobench.grid.overview import View, summary, view
+from curiobench.grid.record import write_record
+from curiobench.grid.scheduler import Scheduler
+from curiobench.grid.status import Status
+from curiobench.grid.stop import StopRequest
+
+
+def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
+    """Train the cells of a grid that are not finished.
+
+    Args:
+        arguments: of the command.
+        command: the command line, for the record.
+
+    Raises:
+        ValueError: nothing was begun: a task, method, option, file or number is wrong; one line.
+        RunFailed: cells stay broken or in conflict; each has been reported.
+        Interrupted: on Ctrl-C or SIGTERM, after the checkpoints of all cells.
+    """
+    for name, least in (("jobs", 1), ("retries", 0)):
+        if (value := getattr(arguments, name)) is not None and value < least:
+            raise ValueError(f"{name} is {value}; it must be at least {least}")
+    if arguments.address is not None and arguments.launcher != "ray":
+        raise ValueError("--address is of --launcher ray")
+    out = arguments.out if arguments.launcher == "local" else arguments.out.resolve()
+    cells = cells_of(define(arguments), out)
+    if arguments.dry_run:
+        for cell in cells:
+            print(f"{cell.folder}: {_said(cell)}\n  {shlex.join(cell.command)}")
+        return
+    launcher = _launcher(arguments)
+    try:
+        write_record(out, cells, command)
+        train_cells(cells, launcher, arguments.retries, view())
+    finally:
+        launcher.close()
+    print(f"all {len(cells)} cells are finished; `curiobench table {arguments.out}` shows them")
+
+
+def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
+    """Train cells and report what became of them; raises as `run_grid`."""
+    with StopRequest() as stop:
+        scheduler = Scheduler(cells, launcher, retries, view, stop)
+        slots = launcher.slots()
+        try:
+            view.event(f"{len(cells)} cells in {cells[0].out}, {slots} at a time")
+            scheduler.run()
+        finally:
+            view.close()
+    statuses = scheduler.statuses
+    faults = [status for status in statuses if status.state in (State.BROKEN, State.CONFLICT)]
+    print("\n".join(map(_fault_line, faults)), end="\n" if faults else "")
+    if stop.count:
+        raise Interrupted(f"{summary(statuses, slots)}; the same command continues", stop.number)
+    if faults:
+        raise RunFailed(f"{len(faults)} of {len(cells)} cells are not finished")
+
+
+def _fault_line(status: Status) -> str:
+    log = f"; log: {status.cell.log}" if status.state is State.BROKEN else ""
+    return f"{status.cell.folder}: {status.state}: {status.reason}{log}"
+
+
+def _launcher(arguments: GridArguments) -> Launcher:
+    if arguments.launcher == "ray":
+        from curiobench.grid.ray_launcher import RayLauncher
+
+        return RayLauncher(arguments.jobs, arguments.address)
+    return LocalLauncher(arguments.jobs or physical_cores())
+
+
+def _said(cell: Cell) -> str:
+    state, reason = look(cell)
+    return f"{state}: {reason}" if reason else str(state)

@@ -1,0 +1,165 @@
+"""Runs the cells of a grid, several at a time, until each is finished, broken or in conflict."""
+
+import signal
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from curiobench.grid.cells import Cell
+from curiobench.grid.disk import State, is_locked
+from curiobench.grid.launcher import LOST, Launcher, size_of, tail
+from curiobench.grid.overview import View
+from curiobench.grid.status import OPEN, Status
+from curiobench.grid.stop import StopRequest
+
+POLL_SECONDS = 0.5
+"""Between two looks at the processes; a cell takes minutes to days."""
+ELSEWHERE_SECONDS = 5.0
+"""Between two looks at cells that another process trains."""
+_TAKEN = "is already running"
+"""What `train` says where another process was first."""
+
+
+class Scheduler:
+    """The loop. Whether a cell is to be trained is asked of its folder each time, as other grids may work there."""
+
+    def __init__(
+        self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: View, stop: StopRequest,
+        poll: float = POLL_SECONDS, elsewhere_poll: float = ELSEWHERE_SECONDS,
+    ) -> None:  # fmt: skip
+        """
+        Args:
+            cells: to finish, in this order.
+            launcher: starts their processes.
+            retries: how often a broken cell is tried again.
+            view: told what happens.
+            stop: asked whether to end.
+            poll, elsewhere_poll: seconds, see the constants.
+        """
+        self.statuses = [Status(cell) for cell in cells]
+        self._launcher, self._retries, self._view, self._stop = launcher, retries, view, stop
+        self._poll, self._elsewhere_poll = poll, elsewhere_poll
+        self._queue: deque[Status] = deque()
+        self._looked = 0.0
+        self._signals_passed_on = 0
+
+    def run(self) -> None:
+        """Until no cell is left, or until the cells have ended after a stop request."""
+        for status in self.statuses:
+            self._look(status)
+        try:
+            while self._running() or (not self._stop.count and any(s.state in OPEN for s in self.statuses)):
+                self._pass_signals_on()
+                if not self._stop.count:
+                    self._look_elsewhere()
+                    self._start_waiting()
+                self._collect_ended()
+                self._view.show(self.statuses, self._launcher.slots())
+                time.sleep(self._poll)
+        finally:
+            self._end_all()
+
+    def _running(self) -> list[Status]:
+        return [status for status in self.statuses if status.job]
+
+    def _look(self, status: Status) -> None:
+        """Take over what a folder says, and queue the cell if it is to be trained."""
+        if self._is_waiting(status):
+            self._queue.append(status)
+
+    def _is_waiting(self, status: Status) -> bool:
+        """Take over what a folder says; whether the cell is to be trained."""
+        if status.look() is State.CONFLICT:
+            self._view.event(f"{status.cell.folder}: left alone: {status.reason}")
+        return status.state is State.WAITING
+
+    def _look_elsewhere(self) -> None:
+        """See which cells another process has taken, and whether those are finished, or free as that process died."""
+        if time.monotonic() - self._looked < self._elsewhere_poll:
+            return
+        self._looked = time.monotonic()
+        for status in self.statuses:
+            if status.state is State.ELSEWHERE:
+                self._look(status)
+            elif status.state is State.WAITING and is_locked(status.cell.path):
+                self._queue.remove(status)
+                self._look(status)
+
+    def _start_waiting(self) -> None:
+        while self._queue and len(self._running()) < self._launcher.slots():
+            status = self._queue.popleft()
+            if not self._is_waiting(status):
+                continue
+            start = size_of(status.cell.log)
+            try:
+                job = self._launcher.start(status.cell.arguments, status.cell.log)
+            except OSError as error:
+                self._failed(status, f"cannot be started: {error}", [])
+                continue
+            status.begins(job, start)
+            self._view.started(status)
+
+    def _collect_ended(self) -> None:
+        for status in self._running():
+            status.reader.update()
+            if (code := status.job.poll()) is not None:
+                status.job = None
+                self._ended(status, code)
+
+    def _ended(self, status: Status, code: int) -> None:
+        """Sort a cell whose process has ended, by what its folder says now."""
+        lines = tail(status.cell.log, status.log_start)
+        if code == LOST and not self._stop.count:
+            self._view.event(f"{status.cell.folder}: {_cause(code)}")
+        if not self._is_waiting(status):
+            self._view.ended(status)
+        elif self._stop.count:
+            status.state = State.STOPPED
+            self._view.ended(status)
+        elif code == 2 and lines and _TAKEN in lines[-1]:
+            self._queue.append(status)  # another process was first, and has ended since
+        elif code == LOST and status.progress.epoch > status.epoch_at_start:
+            self._queue.appendleft(status)
+        else:
+            self._failed(status, _cause(code), lines)
+
+    def _failed(self, status: Status, cause: str, lines: Sequence[str]) -> None:
+        status.failures += 1
+        again = status.failures <= self._retries
+        status.state = State.WAITING if again else State.BROKEN
+        status.reason = f"{cause}: {lines[-1]}" if lines else cause
+        if again:
+            self._queue.append(status)
+        what = "to be tried again" if again else f"broken after {status.failures} attempts"
+        self._view.event("\n".join([f"{status.cell.folder}: {cause}; {what}", *(f"    {line}" for line in lines)]))
+
+    def _pass_signals_on(self) -> None:
+        """Ask every cell once to end after a checkpoint; at the second signal, end all at once."""
+        count = min(self._stop.count, 2)
+        if count == self._signals_passed_on:
+            return
+        self._signals_passed_on = count
+        running = self._running()
+        if count == 1:
+            self._view.event(f"stopping after checkpoints: {len(running)} running; again to stop at once")
+        for status in running:
+            if count == 1:
+                status.job.signal(self._stop.number)
+            else:
+                status.job.kill()
+
+    def _end_all(self) -> None:
+        """Where this process fails itself: let no cell run on unseen."""
+        running = self._running()
+        for status in running:
+            status.job.signal(signal.SIGTERM)
+        while running and any(status.job.poll() is None for status in running):
+            time.sleep(self._poll)
+
+
+def _cause(code: int) -> str:
+    if code == LOST:
+        return "its worker went away"
+    if code < 0:
+        return f"ended by signal {-code} ({signal.strsignal(-code)})"
+    return f"exit code {code}"

@@ -1,0 +1,105 @@
+"""A cell as the grid sees it while it works, and how long it will take."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean
+
+from curiobench.grid.cells import Cell
+from curiobench.grid.disk import Progress, ProgressReader, State, look
+from curiobench.grid.launcher import Job, size_of
+
+OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
+"""States in which a cell is still to be finished by somebody, now or later."""
+
+
+@dataclass(eq=False)
+class Status:
+    """State of a cell, and the process that trains it if this grid does."""
+
+    cell: Cell
+    state: State = State.WAITING
+    reason: str = ""
+    """Why it is broken or in conflict."""
+    failures: int = 0
+    """How often its process has failed."""
+    job: Job | None = None
+    log_start: int = 0
+    """Bytes in the log when the process was started."""
+    epoch_at_start: int = 0
+    """Epochs completed when the process was started."""
+    reader: ProgressReader = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.reader = ProgressReader(self.cell.path)
+
+    @property
+    def progress(self) -> Progress:
+        """How far the run has come."""
+        return self.reader.progress
+
+    def look(self) -> State:
+        """Take over what the folder says; only for a cell that this grid does not run now."""
+        self.state, self.reason = look(self.cell)
+        self.reader.update()
+        return self.state
+
+    def begins(self, job: Job, log_start: int) -> None:
+        """Note that a process of this grid trains the cell now."""
+        self.job, self.log_start, self.state, self.reason = job, log_start, State.RUNNING, ""
+        self.epoch_at_start = self.reader.update().epoch
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether its process runs and is not waiting for a place in a cluster."""
+        return self.job is not None and size_of(self.cell.log) > self.log_start
+
+
+Paces = Mapping[object, float]
+"""Mean seconds an epoch, by what cells have in common."""
+
+_ALIKE: Sequence[Callable[[Cell], object]] = (
+    lambda cell: (cell.config.task, cell.method, cell.variant),
+    lambda cell: (cell.config.task, cell.variant),
+    lambda cell: cell.config.task,
+)
+"""What a cell may share with another, the closest first."""
+
+
+def paces(statuses: Iterable[Status]) -> Paces:
+    """How fast cells have been so far, for those that have not begun."""
+    found: dict[object, list[float]] = {}
+    for status in statuses:
+        if status.progress.epoch:
+            for alike in _ALIKE:
+                found.setdefault(alike(status.cell), []).append(status.progress.seconds / status.progress.epoch)
+    return {key: fmean(values) for key, values in found.items()}
+
+
+def seconds_left(status: Status, paces: Paces, now: float) -> float | None:
+    """Time that a cell still needs on one core; None where nothing comparable has completed an epoch.
+
+    Args:
+        status: of the cell.
+        paces: of all cells; one that has not begun is assumed to go like those that share most with it.
+        now: seconds since 1970.
+    """
+    epochs, progress = status.cell.config.epochs, status.progress
+    if progress.epoch:
+        pace = progress.seconds / progress.epoch
+        running = status.state in (State.RUNNING, State.ELSEWHERE)
+        # what is done of the present epoch; longer ago than that, the row is from before an interruption
+        done = min(max(0.0, now - progress.written), pace) if running else 0.0
+        return max(0.0, (epochs - progress.epoch) * pace - done)
+    known = (paces[key] for alike in _ALIKE if (key := alike(status.cell)) in paces)
+    pace = next(known, None)
+    return None if pace is None else epochs * pace
+
+
+def grid_seconds_left(statuses: Sequence[Status], slots: int, now: float) -> float | None:
+    """Time until the last cell is finished, `slots` at a time; None where a cell's time is not known."""
+    known = paces(statuses)
+    left = {status: seconds_left(status, known, now) for status in statuses if status.state in OPEN}
+    if not left or None in left.values():
+        return None
+    ours = sum(seconds for status, seconds in left.items() if status.state is not State.ELSEWHERE)
+    return max(max(left.values()), ours / max(1, slots))

@@ -1,0 +1,235 @@
+"""One run folder: its config, its rows and its result, checked. Files of others are never trusted."""
+
+import json
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.config import CONFIG_VERSION
+from curiobench.files import read_json
+from curiobench.methods.specs import HYBRID, canonical, shown
+from curiobench.results.evaluations import Evaluations, check_header, parse_csv, read_bytes, read_evaluations
+from curiobench.run_folder import PACKAGES, read_record
+from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+
+MAX_JSON_BYTES = 1 << 20
+PROGRESS_COLUMNS = ("epoch", "steps", "updates", "seconds")
+"""Columns that every progress.csv has; the rest depends on the method."""
+_SPEC = re.compile(r"[\w.-]{1,100}(:[\w.]{1,100})?(\+hm)?")
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Head:
+    """What a run is, from its config.json and result.json."""
+
+    path: Path
+    """Run folder."""
+    config: dict[str, Any]
+    """Options; plain values."""
+    values: dict[str, Any]
+    """Columns of the frame `runs` that are known before the rows are read."""
+    result: dict[str, Any] | None
+    """What result.json holds; None where the run is partial."""
+    digest: str = ""
+    """SHA-256 of the file of a method from outside."""
+
+    def decisive(self) -> dict[str, Any]:
+        """What decides the numbers: `decisive`, and the file of a method from outside."""
+        return decisive(self.config) | ({"method_sha256": self.digest} if self.digest else {})
+
+    def identity(self) -> str:
+        """Text that two runs of equal numbers have in common."""
+        return json.dumps(self.decisive(), sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run, read and checked."""
+
+    head: Head
+    """What it is."""
+    values: dict[str, Any]
+    """Columns of the frame `runs`, all but `run` and `variant`."""
+    evaluations: Evaluations
+    """Its evaluations."""
+    progress: pd.DataFrame
+    """Rows of progress.csv."""
+    notes: tuple[str, ...] = ()
+    """What was left out of it."""
+
+
+def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that decide the numbers of a run: all but the machine's, and those that its method does not use."""
+    unused = {"machine"} | (set() if config["method"].endswith(HYBRID) else {"hybrid"})
+    return {name: value for name, value in config.items() if name not in unused and value is not None}
+
+
+def read_head(path: Path) -> Head:
+    """Config and result of a run folder; imports no method.
+
+    Raises ValueError where the folder holds no run, one of another format or version, or damaged files.
+    """
+    _check_size(path / "config.json")
+    record = read_record(path)
+    if record.get("config_version") != CONFIG_VERSION:
+        found = record.get("config_version")
+        raise ValueError(
+            f"{path}: its config has version {found!r}; this curiobench reads version {CONFIG_VERSION} only"
+        )
+    try:
+        config = check_config(record.get("config"))
+    except ValueError as error:
+        raise ValueError(f"{path / 'config.json'}: {error}") from None
+    result = _read_result(path / "result.json", config["epochs"])
+    versions = record.get("versions") if isinstance(record.get("versions"), dict) else {}
+    values = {name: config[name] for name in ("task", "method", "seed", "robot", "preset", "epochs")}
+    values |= {"method": shown(config["method"]), "complete": result is not None}
+    values |= {name: _text(versions.get(name)) for name in (*PACKAGES, "python", "git_commit")}
+    values |= {"created": _text(record.get("created")), "finished": _text((result or {}).get("finished"))}
+    values |= {"machine": _text((result or {}).get("machine"))}
+    values |= {"command": _command(record.get("command")), "config": json.dumps(config)}
+    values |= {"method_sha256": _text(versions.get("method_sha256"))[:64]}
+    return Head(path, config, values, result, values["method_sha256"])
+
+
+def check_config(config: Any) -> dict[str, Any]:
+    """The options in a config.json, its method in the one form; raises ValueError where they are not a run's."""
+    if not isinstance(config, dict):
+        raise ValueError("it holds no config")
+    check_name("task", config.get("task"), TASKS)
+    check_name("robot", config.get("robot"), ROBOTS)
+    for name, least in (("seed", 0), ("epochs", 1)):
+        if type(config.get(name)) is not int or not least <= config[name] < 1 << 31:
+            raise ValueError(f"{name} is {config.get(name)!r}; it must be a whole number of at least {least}")
+    for name in ("method", "preset"):
+        if not isinstance(config.get(name), str) or not _SPEC.fullmatch(config[name]):
+            raise ValueError(f"{name} is {config.get(name)!r:.80}; it must be a name")
+    return config | {"method": canonical(config["method"])}
+
+
+def _check_size(path: Path) -> None:
+    if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_JSON_BYTES):
+        raise ValueError(f"cannot read {path}: it is no file of less than {MAX_JSON_BYTES:,} bytes")
+
+
+def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
+    """What result.json holds; raises ValueError where it is damaged or of a run of other length."""
+    if not path.exists():
+        return None
+    _check_size(path)
+    result = read_json(path)
+    for name in ("epochs", "steps", "updates", "goals", "goals_learned", "success", "seconds", "peak_memory_mb"):
+        value = result.get(name)
+        if type(value) not in (int, float) or not 0 <= value < float("inf"):
+            raise ValueError(f"{path}: {name} is {value!r:.80}; it must be a number")
+    if result["epochs"] != epochs:
+        raise ValueError(f"{path}: it is of {result['epochs']} epochs, the config of {epochs}")
+    return result
+
+
+def _text(value: Any, limit: int = 200) -> str:
+    """Text on one line; "" where there is none."""
+    if not isinstance(value, str):
+        return ""
+    return "".join(character if character.isprintable() else " " for character in value[:limit])
+
+
+def _command(words: Any) -> str:
+    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+        return ""
+    return _text(shlex.join(words), limit=10_000)
+
+
+def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str] = True) -> Run:
+    """The rows of a run.
+
+    Args:
+        head: of the run.
+        every_goal: see `read_evaluations`.
+        progress: read progress.csv, or only these columns of it and those that every run has. Of a partial run it is
+            read in any case, as it alone tells what the run has cost.
+
+    Raises:
+        ValueError: a file is missing or damaged, or the files disagree; one line that names the folder.
+    """
+    partial = head.result is None
+    evaluations, dropped = read_evaluations(head.path / "evaluations.csv", head.config["task"], every_goal, partial)
+    if head.result is not None:
+        _check_result(head.path, head.result, evaluations)
+    rows = pd.DataFrame()
+    if progress or partial:
+        rows, dropped_progress = read_progress(head.path / "progress.csv", progress, partial)
+    if head.result is not None and progress and len(rows) != head.result["epochs"]:
+        raise ValueError(f"{head.path / 'progress.csv'}: it has {len(rows)} rows for {head.result['epochs']} epochs")
+    epoch = int(evaluations.epoch[-1])
+    values = head.values | {"epoch": epoch, "steps": int(evaluations.steps[-1])} | _cost(head.result, rows, epoch)
+    notes = (dropped, dropped_progress if progress or partial else "")
+    return Run(head, values, evaluations, rows if progress else pd.DataFrame(), tuple(filter(None, notes)))
+
+
+def _check_result(path: Path, result: dict[str, Any], evaluations: Evaluations) -> None:
+    """Raises ValueError where result.json tells another end of the run than evaluations.csv."""
+    learned, layer = evaluations.learned[-1], evaluations.layer
+    found = {
+        "epochs": int(evaluations.epoch[-1]),
+        "steps": int(evaluations.steps[-1]),
+        "goals": len(learned),
+        "goals_learned": int(learned.sum()),
+        "success": float(evaluations.success[-1].mean()),
+    }
+    for name, value in found.items():
+        if abs(result[name] - value) > _TOLERANCE:
+            raise ValueError(f"{path}: result.json says {name} {result[name]}, evaluations.csv {value}")
+    by_layer = {
+        str(k): {"learned": int(learned[layer == k].sum()), "goals": int((layer == k).sum())} for k in set(layer)
+    }
+    if result.get("learned_by_layer") != by_layer:
+        raise ValueError(f"{path}: result.json and evaluations.csv disagree in learned_by_layer")
+
+
+def read_progress(path: Path, progress: bool | Sequence[str], tolerant: bool) -> tuple[pd.DataFrame, str]:
+    """Rows of progress.csv, and what was left out of a run at work ("" for nothing).
+
+    Raises ValueError where the file is missing or damaged; names the file.
+    """
+    if tolerant and not path.exists():
+        return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
+    try:
+        content = read_bytes(path, whole=not tolerant)
+        whole = content[: content.rfind(b"\n") + 1]
+        header = check_header(whole, PROGRESS_COLUMNS)
+        wanted = header if isinstance(progress, bool) else [name for name in header if name in progress]
+        columns = tuple(dict.fromkeys([*PROGRESS_COLUMNS, *wanted]))
+        rows = parse_csv(whole, columns, {"epoch": np.int32, "steps": np.int64, "updates": np.int64})
+        _check_progress(rows)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    return rows, "" if len(whole) == len(content) else f"{path}: its last row is not all there, and left out"
+
+
+def _check_progress(rows: pd.DataFrame) -> None:
+    if text := [name for name in rows if len(rows) and not pd.api.types.is_numeric_dtype(rows[name])]:
+        raise ValueError(f"its column {text[0]} does not hold numbers")
+    if (rows["epoch"].to_numpy() != np.arange(1, len(rows) + 1)).any():
+        raise ValueError("its epochs do not count from 1")
+    if not np.isfinite(rows["seconds"]).all():
+        raise ValueError("its seconds are not all numbers")
+
+
+def _cost(result: dict[str, Any] | None, rows: pd.DataFrame, epoch: int) -> dict[str, Any]:
+    """Updates, hours and memory; of a partial run up to its last evaluation, as far as they are known."""
+    if result is not None:
+        memory = float(result["peak_memory_mb"])
+        return {"updates": int(result["updates"]), "hours": result["seconds"] / 3600, "peak_memory_mb": memory}
+    until = rows[rows["epoch"] <= epoch]
+    updates, seconds = (0, 0.0) if until.empty else until[["updates", "seconds"]].iloc[-1]
+    return {"updates": int(updates), "hours": float(seconds) / 3600, "peak_memory_mb": float("nan")}

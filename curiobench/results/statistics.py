@@ -1,0 +1,214 @@
+"""Statistics of a few seeds, as Agarwal et al. (2021), "Deep RL at the edge of the statistical precipice", define them.
+
+Scores are arrays `(S, T)`: S seeds of T strata, such as tasks. In a third axis `(S, T, G)` stand scores of one and the
+same agent, such as of its goals: they stay together when seeds are resampled, because they depend on each other.
+Everything is a function of its arguments: the bootstrap has a seed.
+"""
+
+import inspect
+from collections.abc import Callable
+
+import numpy as np
+
+CONFIDENCE = 0.95
+RESAMPLES = 2_000
+ENOUGH_SEEDS = 10
+"""With fewer, intervals are much too narrow: docs/results.md has their real coverage."""
+
+_BATCH = 500_000
+"""Scores that are resampled at a time, few enough to stay in a processor's cache."""
+
+Statistic = Callable[..., np.ndarray | float]
+"""Of all its scores, in any order; with a keyword `axis` it is computed for all resamples at once."""
+
+
+def interquartile_mean(scores: np.ndarray, axis: int | None = None) -> np.ndarray | float:
+    """Mean of the middle half of the scores: the lowest and the highest quarter are left out.
+
+    Args:
+        scores: any shape.
+        axis: along which; None takes all scores together.
+    """
+    from scipy.stats import trim_mean  # a second to import
+
+    return trim_mean(scores, 0.25, axis=axis)
+
+
+def stratified_bootstrap(
+    scores: np.ndarray,
+    statistic: Statistic,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of a statistic; seeds are resampled within each stratum by itself.
+
+    Args:
+        scores: `(S, T)` or `(S, T, G)`.
+        statistic: of all scores together, such as `interquartile_mean` or `np.mean`.
+        confidence: of the interval.
+        resamples: number of bootstrap resamples.
+        seed: of the resampling.
+
+    Returns:
+        Low and high end; NaN for fewer than two seeds.
+
+    Raises:
+        ValueError: another shape, or a score that is not finite.
+    """
+    scores = _checked(scores, (2, 3))
+    if len(scores) < 2:
+        return float("nan"), float("nan")
+    from scipy import stats
+
+    vectorised = "axis" in inspect.signature(statistic).parameters
+
+    def of_resamples(*chosen: np.ndarray, axis: int) -> np.ndarray:
+        """Statistic `(R,)` of the seeds `(R, S)` that were drawn in each stratum."""
+        drawn = [scores[seeds.astype(int), stratum] for stratum, seeds in enumerate(chosen)]  # (R, S) or (R, S, G) each
+        flat = np.stack(drawn, axis=1).reshape(len(drawn[0]), -1)
+        return statistic(flat, axis=-1) if vectorised else np.array([statistic(values) for values in flat])
+
+    interval = stats.bootstrap(
+        [np.arange(len(scores))] * scores.shape[1],
+        of_resamples,
+        n_resamples=resamples,
+        batch=max(1, _BATCH // scores.size),
+        vectorized=True,
+        confidence_level=confidence,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def curve_interval(
+    values: np.ndarray, confidence: float = CONFIDENCE, resamples: int = RESAMPLES, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Percentile bootstrap intervals of means over seeds, of many values at once; a seed's values stay together.
+
+    Args:
+        values: `(S, …)` a value a seed and, say, epoch.
+        confidence: of each interval by itself.
+        resamples: number of bootstrap resamples.
+        seed: of the resampling.
+
+    Returns:
+        Low and high ends, `(…)` each; NaN for fewer than two seeds.
+
+    Raises:
+        ValueError: no seed, or a value that is not finite.
+    """
+    values = _checked(values, range(1, 10))
+    if len(values) < 2:
+        return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
+    counts = _counts(len(values), resamples, np.random.default_rng(seed))
+    means = (counts @ values.reshape(len(values), -1) / len(values)).reshape(resamples, *values.shape[1:])
+    low, high = np.quantile(means, _ends(confidence), axis=0)
+    return low, high
+
+
+def probability_of_improvement(x: np.ndarray, y: np.ndarray) -> float:
+    """Probability that a random run of x scores higher than one of y on the same stratum, averaged over strata.
+
+    That is the Mann-Whitney statistic over the number of pairs; ties count half.
+
+    Args:
+        x: `(S, T)`.
+        y: `(S', T)`.
+
+    Raises:
+        ValueError: unlike strata, or a score that is not finite.
+    """
+    return float(_wins(x, y).mean())
+
+
+def improvement_interval(
+    x: np.ndarray,
+    y: np.ndarray,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of `probability_of_improvement`; seeds of x and of y are resampled in each stratum.
+
+    Returns NaN where either has fewer than two seeds. Raises ValueError as `probability_of_improvement`.
+    """
+    wins = _wins(x, y)  # (T, S, S')
+    if min(wins.shape[1:]) < 2:
+        return float("nan"), float("nan")
+    rng = np.random.default_rng(seed)
+    found = np.zeros(resamples)
+    for stratum in wins:
+        left, right = (_counts(size, resamples, rng) for size in stratum.shape)
+        found += (left @ stratum * right).sum(axis=1) / stratum.size
+    low, high = np.quantile(found / len(wins), _ends(confidence))
+    return float(low), float(high)
+
+
+def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+    """Share of scores above each threshold, every stratum with equal weight.
+
+    Args:
+        scores: `(S, T)`.
+        thresholds: `(K,)`.
+
+    Returns:
+        `(K,)`, falling.
+
+    Raises:
+        ValueError: another shape, or a score that is not finite.
+    """
+    scores = np.sort(_checked(scores, (2,)), axis=None)
+    return 1 - np.searchsorted(scores, np.asarray(thresholds), side="right") / scores.size
+
+
+def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
+    """Mean success over training: the area under the curve, by the trapezoidal rule, divided by its length.
+
+    Args:
+        epochs: `(E,)` of the evaluations, rising.
+        success: `(…, E)`.
+
+    Returns:
+        `(…)`; with a single evaluation its success.
+    """
+    if len(epochs) == 1:
+        return success[..., 0]
+    return np.trapezoid(success, epochs, axis=-1) / (epochs[-1] - epochs[0])
+
+
+def conclusive(n_seeds: int) -> str | None:
+    """A line that says that there are too few seeds to conclude from; None where there are enough."""
+    if n_seeds < 2:
+        return "1 seed: no interval, and nothing to conclude about the method"
+    if n_seeds < ENOUGH_SEEDS:
+        return f"{n_seeds} seeds are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
+    return None
+
+
+def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:
+    scores = np.asarray(scores, float)
+    if scores.ndim not in dimensions or not scores.size:
+        raise ValueError(f"scores have the shape {scores.shape}; the first axis is seeds, the second strata")
+    if not np.isfinite(scores).all():
+        raise ValueError("a score is not finite")
+    return scores
+
+
+def _counts(size: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
+    """`(R, S)` how often each seed is in each resample: means over resamples become one matrix product."""
+    return rng.multinomial(size, np.full(size, 1 / size), resamples).astype(float)
+
+
+def _ends(confidence: float) -> tuple[float, float]:
+    return (1 - confidence) / 2, (1 + confidence) / 2
+
+
+def _wins(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """`(T, S, S')` 1 where the run of x is better, ½ where they are equal."""
+    x, y = _checked(x, (2,)), _checked(y, (2,))
+    if x.shape[1] != y.shape[1]:
+        raise ValueError(f"scores of {x.shape[1]} strata cannot be compared with scores of {y.shape[1]}")
+    first, second = x.T[:, :, None], y.T[:, None, :]
+    return (first > second) + (first == second) / 2

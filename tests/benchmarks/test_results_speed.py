@@ -1,0 +1,68 @@
+"""Time and memory of the results side on 500 run folders of 500 evaluations × 35 goals.
+
+    pytest tests/benchmarks/test_results_speed.py --benchmark-only -s
+
+Each command is a process of its own on one core, as a user starts it; the folders are in the page cache.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "results"))  # whose generator of run folders this needs
+from synthetic import write_run
+
+METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi", "dac+hm")
+SEEDS = 50
+EPOCHS = 499
+"""With the evaluation before training, 500."""
+SECONDS = 10
+BYTES = 10**9
+
+
+def success(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
+    return ((7 * epoch + 3 * goal + len(method)) % 26) / 25
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory) -> Path:
+    """A folder of 500 run folders; the seeds of a method share their numbers, which reading does not know."""
+    folder = tmp_path_factory.mktemp("many")
+    for method in METHODS:
+        first = folder / f"stack3-{method}-0"
+        write_run(first, "stack3", method, 0, EPOCHS, success, {}, complete=True)
+        record = json.loads((first / "config.json").read_text())
+        for seed in range(1, SEEDS):
+            other = shutil.copytree(first, folder / f"stack3-{method}-{seed}")
+            record["config"]["seed"] = seed
+            (other / "config.json").write_text(json.dumps(record))
+    return folder
+
+
+def run(words: list[str], output: Path) -> tuple[int, float, float, int]:
+    """Exit code, wall-clock seconds, processor seconds and peak bytes of a command."""
+    started = time.perf_counter()
+    with open(output, "w") as file:
+        process = subprocess.Popen(words, stdout=file, stderr=file, env=os.environ | {"OMP_NUM_THREADS": "1"})
+        _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - started
+    return os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+
+
+@pytest.mark.parametrize("command", ["table", "figure"])
+def test_500_runs_take_under_10_seconds_and_a_gigabyte(benchmark, many, tmp_path, command):
+    words = [sys.executable, "-m", "curiobench", command, str(many)]
+    if command == "figure":
+        words += ["--out", str(tmp_path / "figures")]
+    measured = benchmark.pedantic(run, (words, tmp_path / "output"), rounds=1, iterations=1)
+    code, wall, seconds, peak = measured
+    assert code == 0, (tmp_path / "output").read_text()
+    print(f"\n{command}: {seconds:.1f} s of one core, {wall:.1f} s by the clock, {peak / 1e6:.0f} MB")
+    assert seconds < SECONDS  # by the clock it is as much on an idle machine
+    assert peak < BYTES

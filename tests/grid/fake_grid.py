@@ -1,0 +1,88 @@
+"""Grids whose cells are `fake_cell.py`: in this process, or as a program `fake_grid.py OUT JOBS [FLAGS…]`."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from curiobench.arguments import parse
+from curiobench.errors import Interrupted, RunFailed
+from curiobench.grid.arguments import GridArguments
+from curiobench.grid.cells import Cell, cells_of
+from curiobench.grid.definition import define
+from curiobench.grid.local import LocalLauncher
+from curiobench.grid.overview import PlainView, View
+from curiobench.grid.record import write_record
+from curiobench.grid.run import train_cells
+from curiobench.grid.scheduler import Scheduler
+from curiobench.grid.stop import StopRequest
+from curiobench.run_folder import FORMAT
+
+FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
+
+
+def make_cells(out: Path, *flags: str) -> list[Cell]:
+    """Cells of a grid by its flags; by default two methods and two seeds."""
+    flags = flags or ("--methods", "sac,icm", "--seeds", "2")
+    arguments = ["--out", str(out), "--tasks", "stack2", "--preset", "smoke", *flags]
+    return cells_of(define(parse(GridArguments, "grid", arguments)), out)
+
+
+def tell_fakes(cells: list[Cell], **behaviour: dict) -> None:
+    """Write the fakes' instructions; `behaviour` by folder, with _ for -."""
+    told = {}
+    for cell in cells:
+        record = {"format": FORMAT, "config_version": 1, "config": cell.config.to_json(), "versions": {}}
+        told[cell.folder] = {"record": record, **behaviour.get(cell.folder.replace("-", "_"), {})}
+    cells[0].out.parent.mkdir(parents=True, exist_ok=True)
+    (cells[0].out.parent / "fake.json").write_text(json.dumps(told))
+
+
+def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: View | None = None) -> Scheduler:
+    """Run cells to their end in this process."""
+    cells[0].out.mkdir(parents=True, exist_ok=True)
+    launcher = LocalLauncher(jobs, FAKE)
+    scheduler = Scheduler(cells, launcher, retries, view or PlainView(), StopRequest(), 0.02, 0.1)
+    scheduler.run()
+    return scheduler
+
+
+def start(out: Path, jobs: int, *flags: str) -> subprocess.Popen:
+    """A grid of fakes in a process group of its own, which has told its cells already."""
+    command = [sys.executable, __file__, str(out), str(jobs), *flags]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+
+
+def rows(out: Path) -> dict[str, str]:
+    """Everything in the progress of all cells, by folder."""
+    return {path.parent.name: path.read_text() for path in sorted(out.glob("*/progress.csv"))}
+
+
+def undisturbed(cells: list[Cell]) -> dict[str, str]:
+    """What `rows` gives of cells that all ran to their end."""
+    value, lines = 1, ["epoch,goals_learned,value,seconds"]
+    for epoch in range(1, cells[0].config.epochs + 1):
+        value = value * 31 % 9973
+        lines.append(f"{epoch},{epoch % 4},{value},{epoch / 50}")
+    return {cell.folder: "\n".join([*lines, ""]) for cell in cells}
+
+
+def main() -> None:
+    """`curiobench grid` with fakes."""
+    out = Path(sys.argv[1])
+    cells = make_cells(out, *sys.argv[3:])
+    write_record(out, cells, ["grid"])
+    try:
+        train_cells(cells, LocalLauncher(int(sys.argv[2]), FAKE), 1, PlainView())
+    except RunFailed as error:
+        print(error)
+        sys.exit(1)
+    except Interrupted as error:
+        print(error)
+        sys.exit(128 + error.signal_number)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""The grid's loop on fake cells: what is started, skipped, tried again and left alone."""
+
+import fcntl
+import os
+import re
+import sys
+
+import pytest
+from fake_grid import FAKE, make_cells, rows, schedule, tell_fakes, undisturbed
+
+from curiobench.config import CONFIG_VERSION
+from curiobench.files import write_json
+from curiobench.grid.disk import State, look
+from curiobench.grid.launcher import tail
+from curiobench.grid.local import LocalLauncher
+from curiobench.grid.overview import PlainView
+from curiobench.grid.scheduler import _TAKEN, Scheduler
+from curiobench.grid.stop import StopRequest
+from curiobench.run_folder import FORMAT, _lock
+
+
+@pytest.fixture
+def cells(tmp_path):
+    """Two methods and two seeds, told to the fakes."""
+    cells = make_cells(tmp_path / "grid")
+    tell_fakes(cells)
+    return cells
+
+
+def starts(cell) -> list[str]:
+    path = cell.path / "starts"
+    return path.read_text().splitlines() if path.exists() else []
+
+
+def states(scheduler) -> dict[str, State]:
+    return {status.cell.folder: status.state for status in scheduler.statuses}
+
+
+def test_all_cells_are_trained_once_with_one_thread(cells, capsys):
+    scheduler = schedule(cells)
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    assert [len(starts(cell)) for cell in cells] == [1, 1, 1, 1]
+    assert all(line.endswith(" 1") for cell in cells for line in starts(cell))
+    assert list(states(scheduler)) == ["stack2-sac-0", "stack2-icm-0", "stack2-sac-1", "stack2-icm-1"]
+    lines = capsys.readouterr().out.splitlines()
+    assert all(re.match(r"\d\d:\d\d:\d\d stack2-", line) for line in lines)
+    assert sum("started at epoch 1 of 5" in line for line in lines) == 4
+    assert sum("finished, 1/3 goals learned" in line for line in lines) == 4
+
+
+def test_finished_cells_are_skipped(cells):
+    schedule(cells[:2])
+    schedule(cells)
+    assert [len(starts(cell)) for cell in cells] == [1, 1, 1, 1]
+
+
+def test_a_broken_cell_is_tried_again_after_the_others(cells, capsys):
+    tell_fakes(cells, stack2_sac_0={"failures": 1})
+    scheduler = schedule(cells, jobs=1)
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    out = capsys.readouterr().out
+    assert (
+        "stack2-sac-0: exit code 1; to be tried again\n    Traceback:\n      in the midst\n    curiobench: no luck"
+        in out
+    )
+    started = re.findall(r"(\S+): started", out)
+    assert started == ["stack2-sac-0", "stack2-icm-0", "stack2-sac-1", "stack2-icm-1", "stack2-sac-0"]
+
+
+@pytest.mark.parametrize("retries", [0, 2])
+def test_a_cell_that_stays_broken_stops_no_other(cells, capsys, retries):
+    tell_fakes(cells, stack2_icm_0={"failures": 99, "code": 2, "message": "cannot use checkpoint-3.json: truncated"})
+    scheduler = schedule(cells, retries=retries)
+    assert sorted(states(scheduler).values()) == [State.BROKEN, *[State.FINISHED] * 3]
+    broken = scheduler.statuses[1]
+    assert broken.reason == "exit code 2: curiobench: cannot use checkpoint-3.json: truncated"
+    assert len(starts(broken.cell)) == 1 + retries
+    assert f"broken after {1 + retries} attempts" in capsys.readouterr().out
+
+
+def test_a_folder_with_another_config_is_left_alone(cells, capsys):
+    other = cells[0].config.to_json() | {"epochs": 9}
+    cells[0].path.mkdir(parents=True)
+    write_json(cells[0].path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": other})
+    before = (cells[0].path / "config.json").read_bytes()
+    scheduler = schedule(cells)
+    assert scheduler.statuses[0].state is State.CONFLICT
+    assert list(cells[0].path.iterdir()) == [cells[0].path / "config.json"]
+    assert (cells[0].path / "config.json").read_bytes() == before
+    assert "stack2-sac-0: left alone: " in (out := capsys.readouterr().out)
+    assert "has another config: epochs is 9, not 5" in out
+    assert sum(state is State.FINISHED for state in states(scheduler).values()) == 3
+
+
+@pytest.mark.parametrize(
+    ("method", "message"), [("icm", "method is 'icm', not 'sac'"), ("os:system", "its method os:system is no part")]
+)
+def test_a_folder_with_another_method_is_a_conflict(cells, method, message):
+    config = cells[1].config.to_json() | {"method": method}
+    write_record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": config}
+    cells[0].path.mkdir(parents=True)
+    write_json(cells[0].path / "config.json", write_record)
+    state, reason = look(cells[0])
+    assert state is State.CONFLICT
+    assert message in reason
+
+
+def test_a_damaged_config_is_a_conflict(cells):
+    cells[0].path.mkdir(parents=True)
+    (cells[0].path / "config.json").write_text("{")
+    assert look(cells[0])[0] is State.CONFLICT
+
+
+def test_a_cell_that_is_locked_is_elsewhere_until_it_is_free(cells, capsys):
+    cells[0].path.mkdir(parents=True)
+    lock = open(cells[0].path / ".lock", "w")  # noqa: SIM115 - closed in the midst
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    assert look(cells[0])[0] is State.ELSEWHERE
+
+    class ThenFree:
+        """Lets go of the lock once the other cells are finished."""
+
+        def __init__(self):
+            self.seen = []
+
+        def show(self, statuses, slots):
+            others = {status.state for status in statuses[1:]}
+            self.seen.append((statuses[0].state, others))
+            if others == {State.FINISHED}:
+                lock.close()
+
+        def __getattr__(self, name):
+            return lambda *arguments: None
+
+    view = ThenFree()
+    scheduler = schedule(cells, view=view)
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    assert (State.ELSEWHERE, {State.FINISHED}) in view.seen
+    assert len(starts(cells[0])) == 1
+
+
+def test_a_waiting_cell_that_another_grid_takes_is_shown_and_taken_over_once(cells):
+    tell_fakes(cells, stack2_sac_0={"pace": 0.2})
+    cells[3].path.mkdir(parents=True)
+    lock = open(cells[3].path / ".lock", "w")  # noqa: SIM115 - closed in the midst
+    seen = []
+
+    class Taking:
+        def show(self, statuses, slots):
+            if statuses[0].state is State.RUNNING and not seen:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            seen.append(statuses[3].state)
+            if statuses[3].state is State.ELSEWHERE:
+                lock.close()
+
+        def __getattr__(self, name):
+            return lambda *arguments: None
+
+    scheduler = schedule(cells, jobs=1, view=Taking())
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    assert seen.index(State.ELSEWHERE) < seen.index(State.RUNNING)
+    assert [len(starts(cell)) for cell in cells] == [1, 1, 1, 1]
+
+
+def test_a_start_race_is_no_failure(cells, capsys):
+    """The folder is free when the grid looks, and taken when its process comes to lock it."""
+    cells[0].path.mkdir(parents=True)
+    held = []
+
+    class Racing(LocalLauncher):
+        def start(self, arguments, log):
+            if not held:
+                held.append(open(cells[0].path / ".lock", "w"))  # noqa: SIM115 - closed below
+                fcntl.flock(held[0], fcntl.LOCK_EX)
+            elif len(held) == 1 and "1" in arguments:
+                held.append(None)
+                held[0].close()
+            return super().start(arguments, log)
+
+    scheduler = Scheduler(cells, Racing(1, FAKE), 0, PlainView(), StopRequest(), 0.02, 0.1)
+    scheduler.run()
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    assert "stack2-sac-0: runs elsewhere" in capsys.readouterr().out
+    assert scheduler.statuses[0].failures == 0
+
+
+def test_train_says_in_these_words_that_a_folder_is_taken(tmp_path):
+    with _lock(tmp_path / ".lock"), pytest.raises(ValueError, match=_TAKEN):
+        _lock(tmp_path / ".lock")
+
+
+def test_a_program_that_cannot_be_started(cells, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/python")
+    scheduler = schedule(cells, retries=0)
+    assert {s.reason for s in scheduler.statuses} == {
+        "cannot be started: [Errno 2] No such file or directory: '/no/python'"
+    }
+
+
+def test_a_cell_ended_by_somebody_else_is_resumed(cells):
+    """Killed in the middle by a person or the kernel, it goes on from its checkpoint."""
+    tell_fakes(cells, stack2_sac_0={"pace": 0.1})
+
+    class Killing:
+        done = False
+
+        def show(self, statuses, slots):
+            if not self.done and statuses[0].progress.epoch >= 4:
+                os.kill(int(starts(cells[0])[0].split()[0]), 9)
+                self.done = True
+
+        def event(self, text):
+            assert "ended by signal 9 (Killed); to be tried again" in text
+
+        def __getattr__(self, name):
+            return lambda *arguments: None
+
+    scheduler = schedule(cells, view=Killing())
+    assert set(states(scheduler).values()) == {State.FINISHED}
+    assert len(starts(cells[0])) == 2
+    assert rows(cells[0].out) == undisturbed(cells)
+
+
+def test_the_tail_of_a_log(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(b"--- before\nold\n")
+    start = path.stat().st_size
+    with open(path, "ab") as file:
+        file.write(b"--- header\none\n\n\xfftwo\nthree")
+    assert tail(path, start) == ["one", "\N{REPLACEMENT CHARACTER}two", "three"]
+    assert tail(path, start, lines=1) == ["three"]
+    assert tail(tmp_path / "none", 0) == []

@@ -1,0 +1,44 @@
+"""The protocol's constants are those that evaluations come from."""
+
+import numpy as np
+import pytest
+
+from curiobench import evaluation
+from curiobench.evaluation import Evaluator
+from curiobench.protocol import satisfied_starts
+from curiobench.run_folder import versions
+
+
+class Still:
+    """An agent that does nothing."""
+
+    def act(self, observation, *_, **__):
+        return np.zeros((len(observation), 4))
+
+
+@pytest.mark.parametrize(("task", "episodes"), [("stack2", 10), ("stack2", 25), ("stack3", 10), ("stack3", 25)])
+def test_satisfied_starts_are_those_of_the_evaluation(monkeypatch, task, episodes):
+    monkeypatch.setattr(evaluation, "EPISODE_STEPS", 1)
+    rows = Evaluator(task, "gripper", episodes).evaluate(Still()).rows()
+    held = {row["bits"]: row["episodes"] - row["episodes_unsatisfied"] for row in rows}
+    assert {bits: count for bits, count in held.items() if count} == satisfied_starts(task, episodes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["gripper", "fetch"])
+@pytest.mark.parametrize("episodes", [10, 25])
+def test_satisfied_starts_of_four_blocks(monkeypatch, robot, episodes):
+    monkeypatch.setattr(evaluation, "EPISODE_STEPS", 1)
+    rows = Evaluator("stack4", robot, episodes).evaluate(Still()).rows()
+    held = {row["bits"]: row["episodes"] - row["episodes_unsatisfied"] for row in rows}
+    assert {bits: count for bits, count in held.items() if count} == satisfied_starts("stack4", episodes)
+
+
+def test_other_numbers_of_episodes_are_not_on_record():
+    assert satisfied_starts("stack2", 11) is None
+    assert satisfied_starts("stack5", 25) is None
+
+
+def test_runs_write_the_protocol_down():
+    found = versions("sac")
+    assert (found["task_version"], found["evaluation_seed"]) == (1, 20_260)
