@@ -165,6 +165,8 @@ class ProbeArguments:
     """Plain starts from which each script is played."""
     seed: int = 0
     """Seed of the starts and of the reference play."""
+    as_of_epoch: int | None = None
+    """Tell methods another epoch than their checkpoint's: what would MI's growing weight of conservativeness change?"""
     method: tuple[str, ...] = ()
     """The runs' methods that are from outside: naming them allows importing them."""
 

@@ -19,6 +19,7 @@ from curiobench.methods.networks import PairInputs, squashed_gaussian
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, PolicyView, Transitions
 from curiobench.methods.sac import SAC
+from curiobench.methods.specs import shown
 from curiobench.probe_episodes import Played, transitions
 from curiobench.probe_steps import falling, lifting
 from curiobench.saved_agent import load_agent_and_epoch
@@ -43,6 +44,8 @@ class ProbedRun:
     """Epochs completed."""
     label: str
     """The method's spec, with the folder's name where several runs share it."""
+    asked_as_of: int | None = None
+    """Epoch that the method is told; None for `epoch`. Decides MI's lambda."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[lis
     curious = [run for run in loaded if run[2].intrinsic is not None]
     if not curious:
         raise ValueError("; ".join(notes))
-    specs = [config.method for _, config, *_ in curious]
+    specs = [shown(config.method) for _, config, *_ in curious]
     labels = [s if specs.count(s) == 1 else f"{s} {run[0].name}" for s, run in zip(specs, curious, strict=True)]
     return [ProbedRun(*run, label) for run, label in zip(curious, labels, strict=True)], notes
 
@@ -134,7 +137,7 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     """
     n, size = len(probed.reward), min(run.config.batch_size, LARGEST_BATCH) - 1
     together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
-    seen = what_method_sees(run.agent, together, run.epoch)
+    seen = what_method_sees(run.agent, together, run.epoch if run.asked_as_of is None else run.asked_as_of)
     others = torch.arange(n, n + size)
     batches = (_rows(seen, torch.cat([torch.tensor([i]), others])) for i in range(n))
     return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])

@@ -50,6 +50,8 @@ def draw_rewards(
     first = runs[0].config
     others = "/".join(sorted({str(min(run.config.batch_size, LARGEST_BATCH) - 1) for run in runs}))
     caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, others=others)
+    if runs[0].asked_as_of is not None:
+        caption += f" Methods are told that it is epoch {runs[0].asked_as_of}."
     figure.supxlabel(textwrap.fill(caption, 130), fontsize=7.5, color="0.35", x=0.02, ha="left")
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")

@@ -2,10 +2,12 @@
 
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from curiobench.learned_goals import align
+from curiobench.methods.specs import shown
 from curiobench.probe import ProbedRun, Reading, Score, controllability, open_runs, read
 from curiobench.probe_episodes import Played, play_scripts, reference_transitions
 from curiobench.probe_figures import draw_q_int, draw_rewards
@@ -13,7 +15,12 @@ from curiobench.probe_steps import falling, lifting
 
 
 def probe(
-    paths: Sequence[Path], out: Path, starts: int, seed: int, trusted: Collection[str] = ()
+    paths: Sequence[Path],
+    out: Path,
+    starts: int,
+    seed: int,
+    trusted: Collection[str] = (),
+    as_of_epoch: int | None = None,
 ) -> tuple[str, list[str], list[Path]]:
     """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
 
@@ -23,6 +30,7 @@ def probe(
         starts: plain starts from which each script is played, at least 1.
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
+        as_of_epoch: what methods are told as their epoch, at least 0; that of each checkpoint if None.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
@@ -30,7 +38,12 @@ def probe(
     Raises:
         ValueError: runs that cannot be read or compared, or a folder that cannot be written.
     """
+    if as_of_epoch is not None and as_of_epoch < 0:
+        raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
     runs, notes = open_runs(paths, trusted)
+    if as_of_epoch is not None:
+        runs = [replace(run, asked_as_of=as_of_epoch) for run in runs]
+        notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
     task, robot = runs[0].config.task, runs[0].config.robot
     played = play_scripts(task, robot, starts, seed)
     reference = reference_transitions(task, robot, seed)
@@ -74,7 +87,7 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
 
 def _score_row(run: ProbedRun, score: Score) -> dict[str, Any]:
     return {
-        "method": run.config.method,
+        "method": shown(run.config.method),
         "run": str(run.path),
         "epoch": run.epoch,
         "lifting": score.lifting,
@@ -98,7 +111,7 @@ def _number_rows(
                 values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
                 values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
                            for name in ("popart", "zscore")}  # fmt: skip
-                yield {"method": run.config.method, "run": str(run.path), "epoch": run.epoch} | row | values
+                yield {"method": shown(run.config.method), "run": str(run.path), "epoch": run.epoch} | row | values
 
 
 def _step_rows(played: Played) -> Iterator[dict[str, Any]]:

@@ -211,7 +211,7 @@ def cautions(results: Results) -> list[str]:
             if len(found := sorted(set(group[package]))) > 1:
                 lines.append(f"runs of {task} were made with {package} {' and '.join(found)}")
     if partial := int((~runs["complete"].astype(bool)).sum()):
-        lines.append(f"{partial} of the runs are not finished; their last evaluation stands for their end")
+        lines.append(f"runs that are not finished: {partial}; their last evaluation stands for their end")
     return list(dict.fromkeys(lines))
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 _APART = ("task", "method", "seed")
 """Options with a column of their own."""
+_SETTINGS = "method_config."
+"""Before the names of a method's own settings."""
 
 
 def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -35,6 +37,8 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
 def unlike_options(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Options in which runs of one task differ although every method has them, such as the number of epochs.
 
+    Methods' own settings are left out: two that share a name, such as a `beta`, have nothing in common.
+
     Args:
         options: as of `variants`.
 
@@ -46,11 +50,15 @@ def unlike_options(options: Sequence[Mapping[str, Any]]) -> list[str]:
     for members in _groups(flat, "task"):
         runs = [flat[i] for i in members]
         common = [name for name in _differing(runs) if all(name in run for run in runs)]
-        values = {name: sorted({_word(run[name]) for run in runs}) for name in common if name not in _APART}
+        values = {name: sorted({_word(run[name]) for run in runs}) for name in common if not _is_own(name)}
         if values:
             told = ", ".join(f"{_flag(name)} ({' or '.join(words)})" for name, words in values.items())
             lines.append(f"runs of {runs[0]['task']} differ in {told}")
     return lines
+
+
+def _is_own(name: str) -> bool:
+    return name in _APART or name.startswith(_SETTINGS)
 
 
 def _flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
@@ -80,7 +88,7 @@ def _differing(runs: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _flag(name: str) -> str:
     """Name of an option on the command line, with underscores."""
-    return name.replace("method_config.", "method.")
+    return name.replace(_SETTINGS, "method.")
 
 
 def _word(value: Any) -> str:

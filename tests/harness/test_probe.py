@@ -162,6 +162,13 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
         assert reading.q_int == {}
 
 
+def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
+    (run,), _ = open_runs([runs["mi+hm"]])
+    run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
+    assert np.unique(read(run, played[0], reference).raw) == [run.epoch]
+    assert np.unique(read(replace(run, asked_as_of=500), played[0], reference).raw) == [500]
+
+
 def test_a_method_that_gives_nan_is_named(runs, played, reference):
     (run,), _ = open_runs([runs["rnd"]])
     run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), torch.nan)
@@ -222,7 +229,7 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * len(KINDS) * STARTS * 50
     assert {row["moment"] for row in rows} >= {"block lifts", "block falls"}
-    assert all(bool(row["q_int_popart"]) == (row["method"] == "mi+hm") for row in rows)
+    assert all(bool(row["q_int_popart"]) == (row["method"] == "mihm") for row in rows)
 
     monkeypatch.setattr(probe_report, "draw", lambda *_: [])  # seconds that say nothing about numbers
     again, *_ = probe(paths, tmp_path / "two", STARTS, seed=3)
@@ -256,6 +263,7 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
         ([runs["rnd"], other], "only runs of one task and robot compare"),
         ([runs["rnd"], runs["rnd"]], "named twice"),
         ([runs["rnd"], "--starts", 0], "starts is 0"),
+        ([runs["rnd"], "--as-of-epoch", -1], "as_of_epoch is -1"),
         ([runs["rnd"], "--starts", 1, "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
     ):
         code, out, err = cli("probe", *arguments)

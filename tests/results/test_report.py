@@ -203,7 +203,7 @@ def test_partial_runs_are_taken_when_asked_and_marked(make_runs, tmp_path, no_fi
     assert len(without.faults) == 2
     report.write_report([folder], tmp_path / "page.html", partial=True)
     page = Page((tmp_path / "page.html").read_text())
-    assert any("2 of the runs are not finished" in line for line in page.texts["li"])
+    assert any("that are not finished: 2" in line for line in page.texts["li"])
     assert page.texts["dd"].count("not finished: 4 of 8 epochs") == 2
 
 

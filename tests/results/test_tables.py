@@ -94,9 +94,15 @@ def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
         "runs of stack2 differ in epochs (4 or 8), sac.gamma (0.9 or 0.95)"
     ]
     make_runs(methods=("icm",), seeds=1, complete=False)
-    assert "1 of the runs are not finished; their last evaluation stands for their end" in cautions(
+    assert "runs that are not finished: 1; their last evaluation stands for their end" in cautions(
         read_results([tmp_path / "runs"], partial=True)
     )
+
+
+def test_settings_that_two_methods_have_by_the_same_name_are_not_compared(make_runs, tmp_path):
+    make_runs(methods=("icm",), seeds=1, options={"method_config": {"beta": 0.2}})
+    make_runs(methods=("mihm",), seeds=1, options={"method_config": {"beta": 0.7}})
+    assert cautions(read_results([tmp_path / "runs"])) == []
 
 
 def test_bold_only_beyond_doubt():
