@@ -1,5 +1,7 @@
 """The command line. Commands import what they need as they run: `curiobench --help` needs neither torch nor MuJoCo."""
 
+import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -238,6 +240,10 @@ def main() -> NoReturn:
         if command not in COMMANDS:
             raise ValueError(f"unknown command {command!r}; the commands are {', '.join(COMMANDS)}")
         COMMANDS[command](arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:  # as in `curiobench list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # which is flushed once more at exit
+        sys.exit(128 + signal.SIGPIPE)
     except ValueError as error:
         _exit(error, 2)
     except (RunFailed, CheckFailed) as error:
