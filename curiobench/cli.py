@@ -99,8 +99,9 @@ def table(arguments: Sequence[str]) -> None:
     from curiobench.arguments import TableArguments, parse
 
     parsed = parse(TableArguments, "table", arguments)
-    if not parsed.runs:
-        raise ValueError("name at least one run folder")
+    from curiobench.results.faults import check_named
+
+    check_named(parsed.runs)
     from curiobench.results.table_command import show_tables
 
     show_tables(parsed)
@@ -111,19 +112,16 @@ def figure(arguments: Sequence[str]) -> None:
     from curiobench.arguments import FigureArguments, parse
 
     parsed = parse(FigureArguments, "figure", arguments)
-    if not parsed.runs:
-        raise ValueError("name at least one run folder, folder of run folders or published set")
+    from curiobench.results.faults import check_named, tell_faults
+
+    check_named(parsed.runs)
     from curiobench.results.figures import draw_figures
     from curiobench.results.frames import read_results
 
     results = read_results(parsed.runs, parsed.partial, every_goal=False, progress=["share_exploitation"])
     for file in draw_figures(results, parsed.out, parsed.like, parsed.format.split(",")):
         print(file)
-    for fault in results.faults:
-        if fault not in results.absent:
-            print(f"curiobench: {fault}", file=sys.stderr)
-    if results.absent:
-        raise ValueError("not in the figures: " + "; ".join(results.absent))
+    tell_faults(results, "figures")
 
 
 def report(arguments: Sequence[str]) -> None:
@@ -131,17 +129,14 @@ def report(arguments: Sequence[str]) -> None:
     from curiobench.arguments import ReportArguments, parse
 
     parsed = parse(ReportArguments, "report", arguments)
-    if not parsed.runs:
-        raise ValueError("name at least one run folder, folder of run folders or published set")
+    from curiobench.results.faults import check_named, tell_faults
+
+    check_named(parsed.runs)
     from curiobench.results.report import write_report
 
     results = write_report(parsed.runs, parsed.out, parsed.title, parsed.partial, parsed.baseline)
     print(parsed.out)
-    for fault in results.faults:
-        if fault not in results.absent:
-            print(f"curiobench: {fault}", file=sys.stderr)
-    if results.absent:
-        raise ValueError("not in the report: " + "; ".join(results.absent))
+    tell_faults(results, "report")
 
 
 def probe(arguments: Sequence[str]) -> None:
@@ -203,10 +198,10 @@ def submit_check(arguments: Sequence[str]) -> None:
     from curiobench.arguments import SubmitCheckArguments, parse
 
     parsed = parse(SubmitCheckArguments, "submit-check", arguments)
+    from curiobench.results.faults import check_named
     from curiobench.results.submit_check import submit_check
 
-    if not parsed.runs:
-        raise ValueError("name at least one run folder")
+    check_named(parsed.runs)
     title, findings = submit_check(parsed.runs, parsed.against)
     print("\n".join([title, *map(str, findings)]))
     if failed := sum(finding.verdict == "FAIL" for finding in findings):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from curiobench.files import replace_file
 from curiobench.methods.specs import shown
+from curiobench.results.faults import tell_faults
 from curiobench.results.frames import Results, read_results
 from curiobench.results.paper_tables import flat_paper_table, paper_tables
 from curiobench.results.summaries import summarise
@@ -48,11 +49,7 @@ def show_tables(arguments: "TableArguments") -> None:
             print(_WRITERS[arguments.format](tables))
         if arguments.out is not None:
             _write(arguments.out, name, tables, flat, results)
-    for fault in results.faults:
-        if fault not in results.absent:
-            print(f"curiobench: {fault}", file=sys.stderr)
-    if results.absent:
-        raise ValueError("not in the table: " + "; ".join(results.absent))
+    tell_faults(results, "table")
     if results.runs.empty:
         raise ValueError("there is no run to show")
 
