@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from curiobench.canvas import new_figure, save
 from curiobench.palette import line_style
 from curiobench.probe import LARGEST_BATCH, ProbedRun, Reading
 from curiobench.probe_episodes import Played
@@ -36,7 +37,7 @@ def draw_rewards(
 ) -> list[Path]:
     """Draw normalised rewards along the pictured episode of a kind, a line a run; returns the PNG's and PDF's paths."""
     start, moments = played.pictured, played.kind.moments(played.track[played.pictured])
-    figure = _figure(9, 6.2)
+    figure = new_figure(9, 6.2, dpi=150)
     axes, strip = figure.subplots(2, 1, height_ratios=(1.5, 1))
     for run, reading in zip(runs, readings, strict=True):
         values = reading.normalised[start]
@@ -56,7 +57,7 @@ def draw_rewards(
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")
     _pictures(figure, axes, strip, played, moments)
-    return _save(figure, path)
+    return save(figure, path, ("png", "pdf"))
 
 
 def draw_q_int(
@@ -73,7 +74,7 @@ def draw_q_int(
     Returns:
         The PNG's and PDF's paths.
     """
-    figure = _figure(9, 5)
+    figure = new_figure(9, 5, dpi=150)
     panels = figure.subplots(len(Q_NAMES), len(played), sharex="col", sharey="row", squeeze=False)
     for column, of_kind, episodes in zip(panels.T, readings, played, strict=True):
         start = episodes.pictured
@@ -89,7 +90,7 @@ def draw_q_int(
     for axes, name in zip(panels[:, 0], Q_NAMES.values(), strict=True):
         axes.set_ylabel(name)
     _legend(figure, panels.flat)
-    return _save(figure, path)
+    return save(figure, path, ("png", "pdf"))
 
 
 def shade(axes: "Axes", played: Played) -> None:
@@ -99,16 +100,6 @@ def shade(axes: "Axes", played: Played) -> None:
         for number, step in enumerate(np.flatnonzero(find(track))):
             label = name if number == 0 else None
             axes.axvspan(step + 0.5, step + 1.5, color=colour, alpha=0.6, linewidth=0, zorder=0, label=label)
-
-
-def _figure(width: float, height: float) -> "Figure":
-    """An empty figure that needs no screen."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # a second to import
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _title(axes: "Axes", played: Played) -> None:
@@ -163,10 +154,3 @@ def _render(played: Played, moments: Mapping[str, int]) -> list[np.ndarray]:
         return [renderer.render(played.qpos[played.pictured, state]).copy() for state in moments.values()]
     finally:
         renderer.close()
-
-
-def _save(figure: "Figure", path: Path) -> list[Path]:
-    paths = [path.with_suffix(suffix) for suffix in (".png", ".pdf")]
-    for file in paths:
-        figure.savefig(file, dpi=150)
-    return paths

@@ -106,6 +106,14 @@ def test_the_laptop_preset_is_the_default():
     assert parse_train(["--out", "x"]).config == PRESETS["laptop"]
 
 
+def test_the_short_preset_is_the_first_half_of_laptop():
+    laptop = PRESETS["laptop"]
+    assert differences(laptop, PRESETS["short"]) == [
+        "preset is 'laptop', not 'short'",
+        f"epochs is {laptop.epochs}, not {laptop.epochs // 2}",
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
