@@ -73,7 +73,7 @@ class Summary:
     epochs_to: float | None
     """Epochs until the first such evaluation, mean over these seeds; None for no seed."""
     better: Estimate | None
-    """Probability that a run has more success at the end than one of the baseline; None without a baseline."""
+    """Probability that a run has more success at the end than one of the baseline; None without two seeds of both."""
     better_area: Estimate | None
     """The same of success over training."""
     hours: float
@@ -187,15 +187,18 @@ def _summary(runs: pd.DataFrame, scores: _Scores, baseline: _Scores | None, goal
         area=area,
         reached=len(reached),
         epochs_to=float(reached.mean()) if len(reached) else None,
-        better=None if baseline is None else _improvement(scores.success, baseline.success),
-        better_area=None if baseline is None else _improvement(scores.area, baseline.area),
+        better=_improvement(scores.success, None if baseline is None else baseline.success),
+        better_area=_improvement(scores.area, None if baseline is None else baseline.area),
         hours=float(runs["hours"].mean()),
         peak_memory_mb=float(runs["peak_memory_mb"].max()),
         machines=tuple(sorted(set(runs["machine"]) - {""})),
     )
 
 
-def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate:
+def _improvement(scores: np.ndarray, baseline: np.ndarray | None) -> Estimate | None:
+    """None also where either has a single seed: the probability would be 0 or 1, whatever the methods."""
+    if baseline is None or min(len(scores), len(baseline)) < 2:
+        return None
     x, y = scores[:, None], baseline[:, None]
     return Estimate(probability_of_improvement(x, y), *improvement_interval(x, y))
 

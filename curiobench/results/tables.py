@@ -90,7 +90,8 @@ def _tables_of_task(task: str, summaries: list[Summary], baseline: str) -> list[
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
     cost = [Column("hours", "hours a run", 1), Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
-    without = () if against or len(summaries) == 1 else (f"not compared: no runs of {baseline} with the same options",)
+    alone = f"not compared: that takes two seeds of {baseline} with the same options"
+    without = () if against or len(summaries) == 1 else (alone,)
     names = _name_columns(summaries)
     rows = tuple(_row(summary) for summary in summaries)
     return [
