@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "results" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "results").rglob("README.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def examples() -> list:
@@ -30,3 +30,11 @@ def test_example_runs(code, tmp_path):
 def test_links_lead_to_files(page):
     for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
         assert (page.parent / link).exists(), link
+
+
+def test_results_in_the_readme_are_those_of_the_published_set():
+    published = (ROOT / "results" / "v1" / "tables" / "table.md").read_text().splitlines()
+    _, _, rest = (ROOT / "README.md").read_text().partition("<!-- from results/v1/tables/table.md -->\n")
+    rows = [line for line in rest.partition("<!-- end -->")[0].splitlines() if line.startswith("|")]
+    assert len(rows) > 2
+    assert [row for row in rows if row not in published] == []
