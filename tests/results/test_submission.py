@@ -9,7 +9,9 @@ from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, rewr
 
 from curiobench.cli import main
 from curiobench.results import publish as publish_module
+from curiobench.results import submission
 from curiobench.results.publish import publish
+from curiobench.results.published import load
 from curiobench.results.submission import PRESETS_ONLY
 from curiobench.results.submit_check import submit_check
 
@@ -261,9 +263,17 @@ def test_command(runs, published, monkeypatch, capsys):
     assert len(lines) == 18
     assert {line.split()[0] for line in lines} == {"pass"}
     edit_versions(first(runs), task_version=2)
-    code, out, err = run(monkeypatch, capsys, runs)
+    code, out, err = run(monkeypatch, capsys, runs, "--against", published)
     assert (code, err) == (1, "curiobench: the submission fails 1 of 18 properties\n")
     assert "FAIL  version of the tasks: version 2, not 1 (stack2-sac-0)" in out.splitlines()
+
+
+@pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v1", "v2"], "v2")])
+def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, capsys, sets, against):
+    monkeypatch.setattr(submission, "available", lambda: sets)
+    monkeypatch.setattr(submission, "locate", lambda name: published)
+    monkeypatch.setattr(submission, "load", lambda name: load(published))
+    assert run(monkeypatch, capsys, runs)[1].splitlines()[0].endswith(f"compared with {against}")
 
 
 def test_command_without_a_run(tmp_path, monkeypatch, capsys):
