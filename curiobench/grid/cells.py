@@ -8,7 +8,7 @@ from pathlib import Path
 
 from curiobench.config import PRESETS, RunConfig
 from curiobench.grid.definition import Grid, Options, Scalar
-from curiobench.methods.registry import ALIASES
+from curiobench.methods.specs import shown
 from curiobench.tasks.registration import check_name
 from curiobench.train_arguments import parse_train
 
@@ -81,13 +81,13 @@ def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -
         config = parse_train(["--task", task, "--method", method, *flags, "--out", str(out)]).config
     except ValueError as error:
         raise ValueError(f"{' '.join(filter(None, (task, method, variant)))}: {error}") from None
-    shown = {canonical: alias for alias, canonical in ALIASES.items()}.get(config.method, config.method)
+    method = shown(config.method)
     cells = []
     for seed in grid.seeds:
-        folder = "-".join(filter(None, (task, folder_name(shown), variant, str(seed))))
-        axes = ("--task", task, "--method", shown, "--seed", str(seed))
+        folder = "-".join(filter(None, (task, folder_name(method), variant, str(seed))))
+        axes = ("--task", task, "--method", method, "--seed", str(seed))
         arguments = (*axes, *flags, "--out", str(out / folder), "--resume")
-        cells.append(Cell(out, folder, shown, variant, replace(config, seed=seed), arguments))
+        cells.append(Cell(out, folder, method, variant, replace(config, seed=seed), arguments))
     return cells
 
 

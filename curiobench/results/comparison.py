@@ -10,7 +10,7 @@ from curiobench.canvas import new_figure
 from curiobench.results.curves import layer_name
 from curiobench.results.lines import number_axis
 from curiobench.results.samples import Sample, TaskSamples
-from curiobench.results.statistics import curve_interval
+from curiobench.results.statistics import area_under_curve, curve_interval
 from curiobench.results.style import TEXT, TEXT_WIDTH, labels, styles
 
 if TYPE_CHECKING:
@@ -37,12 +37,9 @@ def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figur
     return [_page(task, samples[i : i + PAGE]) for i in range(0, len(samples), PAGE)]
 
 
-def area_under_curve(sample: Sample) -> np.ndarray:
-    """(S,) success over all goals, averaged over training by the trapezoidal rule."""
-    success = sample.success[..., 0]
-    if len(sample.epochs) == 1:
-        return success[:, 0]
-    return np.trapezoid(success, sample.epochs, axis=1) / (sample.epochs[-1] - sample.epochs[0])
+def success_over_training(sample: Sample) -> np.ndarray:
+    """(S,) success over all goals, averaged over training."""
+    return area_under_curve(sample.epochs, sample.success[..., 0])
 
 
 def _page(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
@@ -53,7 +50,7 @@ def _page(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     ]
     success = [
         Summary("at the end", lambda sample: sample.last_success[:, 0]),
-        Summary("over training (area under the curve)", area_under_curve),
+        Summary("over training (area under the curve)", success_over_training),
     ]
     rows = {"learned goals": learned, "mean success": success}
     figure = new_figure(TEXT_WIDTH, 1.0 + len(rows) * (0.45 + 0.19 * len(samples)))

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.text import Text
 
 from curiobench.cli import main
-from curiobench.results.comparison import area_under_curve, draw_comparison
+from curiobench.results.comparison import draw_comparison, success_over_training
 from curiobench.results.curves import draw_exploitation, draw_learned, draw_success
 from curiobench.results.figures import draw_figures
 from curiobench.results.frames import read_results
@@ -66,7 +66,7 @@ def test_samples_hold_means_of_layers_and_last_success_of_goals(samples):
     assert mihm.success[1, :, 2].tolist() == [0, 0, 0, 0.5, 1]
     assert mihm.learned[0, :, 1].tolist() == [1, 2, 2, 2, 2]
     assert task.samples[0].goal_success.tolist() == [[1, 1, 1, 1], [1, 1, 1, 0]]
-    assert area_under_curve(mihm)[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
+    assert success_over_training(mihm)[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
     assert task.steps_per_epoch == 1000
 
 
