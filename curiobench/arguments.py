@@ -165,6 +165,9 @@ class ProbeArguments:
     """Plain starts from which each script is played."""
     seed: int = 0
     """Seed of the starts and of the reference play."""
+    among: Literal["random", "replay"] = "random"
+    """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
+    training (only while it lasts: see --machine.keep-replay)."""
     as_of_epoch: int | None = None
     """Tell methods another epoch than their checkpoint's: what would MI's growing weight of conservativeness change?"""
     method: tuple[str, ...] = ()

@@ -18,7 +18,7 @@ import torch
 
 from curiobench.files import read_json, replace_file, write_json
 
-FORMAT = "curiobench checkpoint 1"
+FORMAT = "curiobench checkpoint 2"
 KEPT = 2
 """Checkpoints kept: the newest, and the one before in case that is damaged."""
 
@@ -39,7 +39,7 @@ def save(folder: Path, fingerprint: str, agent: dict[str, Any], values: dict[str
 
     Args:
         folder: created if it does not exist.
-        fingerprint: of the run's config; `load` demands the same.
+        fingerprint: of the run's config, `RunConfig.fingerprint`; `load` demands the same.
         agent: nested dicts of tensors and plain values.
         values: plain values, among them `replay`, the name of the replay's manifest.
 

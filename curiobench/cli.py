@@ -146,7 +146,8 @@ def probe(arguments: Sequence[str]) -> None:
     parsed = parse(ProbeArguments, "probe", arguments)
     from curiobench.probe_report import probe
 
-    table, notes, files = probe(parsed.runs, parsed.out, parsed.starts, parsed.seed, parsed.method, parsed.as_of_epoch)
+    options = parsed.starts, parsed.seed, parsed.method, parsed.as_of_epoch, parsed.among
+    table, notes, files = probe(parsed.runs, parsed.out, *options)
     print("\n".join([*notes, table, "", *map(str, files)]))
 
 

@@ -7,7 +7,6 @@ decides the numbers of a run, `machine` apart, which changes none.
 import hashlib
 import json
 import re
-from collections.abc import Set as AbstractSet
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
 CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
 
-_ADDED_LATER = frozenset({"hybrid", "method_config"})
-"""Fields that configs of the first published runs lack; all of those were `sac`, which has neither."""
+_ADDED_LATER = frozenset({"hybrid", "method_config", "machine.keep_replay"})
+"""Fields that configs of the first published runs lack; their defaults are what those runs were."""
 
 
 def _check_at_least(config: Any, least: int, *names: str) -> None:
@@ -44,6 +43,9 @@ class MachineConfig:
     """Epochs between checkpoints. A killed run repeats what came after its last one."""
     replay_on_disk: bool = False
     """Keep the replay in memory-mapped files in the run folder instead of in memory."""
+    keep_replay: bool = False
+    """Keep the checkpoint's replay when the run is finished, so that it can be made longer, or probed among its own
+    transitions."""
     tensorboard: bool = False
     """Log progress to `tensorboard/` in the run folder, too (needs the extra `tensorboard`)."""
 
@@ -146,7 +148,7 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = _build(cls, values, "", optional=_ADDED_LATER)
+        config = _build(cls, values, "")
         return config if settings is None else replace(config, method_config=_settings(config.method, settings))
 
     def decisive(self) -> dict[str, Any]:
@@ -154,8 +156,9 @@ class RunConfig:
         return {name: value for name, value in self.to_json().items() if name != "machine"}
 
     def fingerprint(self) -> str:
-        """Hexadecimal digest of everything that decides the numbers."""
-        return hashlib.sha256(json.dumps(self.decisive(), sort_keys=True).encode()).hexdigest()
+        """Hexadecimal digest of everything that decides the numbers of an epoch: all but how many epochs there are."""
+        deciding = {name: value for name, value in self.decisive().items() if name != "epochs"}
+        return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
 
 PRESET_NAMES = ("paper", "laptop", "short", "smoke")
@@ -250,12 +253,13 @@ def _settings(method: str, values: Any) -> Any:
     return _build(reward.Config, values, "method_config.")
 
 
-def _build(cls: type, values: Any, path: str, optional: AbstractSet[str] = frozenset()) -> Any:
+def _build(cls: type, values: Any, path: str) -> Any:
     """An instance of dataclass `cls` from plain values that name each of its fields once."""
     if not isinstance(values, dict):
         raise ValueError(f"config {path.rstrip('.') or 'file'} is {values!r}; expected an object with named fields")
     names = {f.name for f in fields(cls)}
-    for found, kind in ((values.keys() - names, "unknown"), (names - values.keys() - optional, "missing")):
+    needed = {name for name in names if path + name not in _ADDED_LATER}
+    for found, kind in ((values.keys() - names, "unknown"), (needed - values.keys(), "missing")):
         if found:
             raise ValueError(f"{kind} config field {path}{min(found)}")
     hints = get_type_hints(cls)

@@ -6,11 +6,11 @@ The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is meas
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
 
-from curiobench.config import RunConfig
 from curiobench.methods.capture import StaticBatch
 from curiobench.methods.guard import MethodError, reward_of
 from curiobench.methods.hybrid import EXPLORE, HybridAgent
@@ -22,8 +22,10 @@ from curiobench.methods.sac import SAC
 from curiobench.methods.specs import shown
 from curiobench.probe_episodes import Played, transitions
 from curiobench.probe_steps import falling, lifting
-from curiobench.saved_agent import load_agent_and_epoch
+from curiobench.saved_agent import SavedRun, load_saved
 
+Among = Literal["random", "replay"]
+"""What a transition is scored among: random play, the same for all runs, or the run's own replay."""
 LARGEST_BATCH = 512
 """Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
 RESAMPLES = 10_000
@@ -31,17 +33,9 @@ RESAMPLES = 10_000
 
 
 @dataclass(frozen=True)
-class ProbedRun:
+class ProbedRun(SavedRun):
     """A run with an intrinsic reward, at its newest checkpoint."""
 
-    path: Path
-    """Run folder."""
-    config: RunConfig
-    """Of the run."""
-    agent: SAC
-    """On the CPU."""
-    epoch: int
-    """Epochs completed."""
     label: str
     """The method's spec, with the folder's name where several runs share it."""
     asked_as_of: int | None = None
@@ -88,19 +82,33 @@ def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[lis
         raise ValueError("name at least one run folder")
     if len({path.resolve() for path in paths}) < len(paths):
         raise ValueError("a run folder is named twice")
-    loaded = [(path, *load_agent_and_epoch(path, trusted)) for path in paths]
-    first = loaded[0][1]
-    for path, config, *_ in loaded:
-        if (config.task, config.robot) != (first.task, first.robot):
-            here, there = (f"{c.task} with the {c.robot}" for c in (config, first))
-            raise ValueError(f"{path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
-    notes = [f"left out {path}: {c.method} has no intrinsic reward" for path, c, a, _ in loaded if a.intrinsic is None]
-    curious = [run for run in loaded if run[2].intrinsic is not None]
+    saved = [load_saved(path, trusted) for path in paths]
+    first = saved[0].config
+    for run in saved:
+        if (run.config.task, run.config.robot) != (first.task, first.robot):
+            here, there = (f"{c.task} with the {c.robot}" for c in (run.config, first))
+            raise ValueError(f"{run.path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
+    curious = [run for run in saved if run.agent.intrinsic is not None]
+    notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
         raise ValueError("; ".join(notes))
-    specs = [shown(config.method) for _, config, *_ in curious]
-    labels = [s if specs.count(s) == 1 else f"{s} {run[0].name}" for s, run in zip(specs, curious, strict=True)]
-    return [ProbedRun(*run, label) for run, label in zip(curious, labels, strict=True)], notes
+    specs = [shown(run.config.method) for run in curious]
+    labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
+    return [ProbedRun(**vars(run), label=label) for run, label in zip(curious, labels, strict=True)], notes
+
+
+def own_transitions(run: ProbedRun, seed: int) -> Batch:
+    """Transitions of a run's own replay, drawn as its last batches were: one fewer than `score_one_by_one` looks at.
+
+    Raises ValueError where the replay is gone or damaged.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    return Batch.from_numpy(run.load_replay().sample(others(run), generator))
+
+
+def others(run: ProbedRun) -> int:
+    """How many reference transitions a probed one is scored among."""
+    return min(run.config.batch_size, LARGEST_BATCH) - 1
 
 
 @torch.no_grad()
@@ -110,7 +118,7 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
     Args:
         run: whose agent is asked.
         played: N episodes.
-        reference: at least `LARGEST_BATCH` - 1 transitions.
+        reference: at least `others(run)` transitions.
 
     Raises:
         ValueError: the method raised or gave a reward that is none; names the method and its file.
@@ -135,11 +143,11 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     Some methods (RE3, MI) look for a transition's neighbours in its batch. Scored together, the steps of an episode
     would be each other's neighbours, and a reward would depend on how long the block rests afterwards.
     """
-    n, size = len(probed.reward), min(run.config.batch_size, LARGEST_BATCH) - 1
+    n, size = len(probed.reward), others(run)
     together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
     seen = what_method_sees(run.agent, together, run.epoch if run.asked_as_of is None else run.asked_as_of)
-    others = torch.arange(n, n + size)
-    batches = (_rows(seen, torch.cat([torch.tensor([i]), others])) for i in range(n))
+    rest = torch.arange(n, n + size)
+    batches = (_rows(seen, torch.cat([torch.tensor([i]), rest])) for i in range(n))
     return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])
 
 

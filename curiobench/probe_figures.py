@@ -9,7 +9,7 @@ import numpy as np
 
 from curiobench.canvas import new_figure, save
 from curiobench.palette import line_style
-from curiobench.probe import LARGEST_BATCH, ProbedRun, Reading
+from curiobench.probe import Among, ProbedRun, Reading, others
 from curiobench.probe_episodes import Played
 from curiobench.probe_steps import falling, lifting
 from curiobench.tasks.rendering import WorldRenderer
@@ -27,13 +27,17 @@ Q_NAMES = {"popart": "n_PopArt(Q_int)", "zscore": "Q_int of the z-scored reward"
 CAPTION = (
     "{task}, {robot}; one scripted episode, plain start number {start} of seed {seed}. r_int of each step as a z-score "
     "by the run's own past rewards, clipped to ±5, at its newest checkpoint. Every step is scored by itself among "
-    "the same {others} reference transitions of random play, not among the run's replay. A number marks the step that "
-    "has just led to its picture."
+    "{reference}. A number marks the step that has just led to its picture."
 )
+REFERENCES = {
+    "random": "the same {others} reference transitions of random play, not among the run's replay",
+    "replay": "{others} transitions drawn from the run's own replay, as in training",
+}
+"""What `Among` means, for captions."""
 
 
 def draw_rewards(
-    runs: Sequence[ProbedRun], readings: Sequence[Reading], played: Played, seed: int, path: Path
+    runs: Sequence[ProbedRun], readings: Sequence[Reading], played: Played, seed: int, path: Path, among: Among
 ) -> list[Path]:
     """Draw normalised rewards along the pictured episode of a kind, a line a run; returns the PNG's and PDF's paths."""
     start, moments = played.pictured, played.kind.moments(played.track[played.pictured])
@@ -49,8 +53,8 @@ def draw_rewards(
     _finish(axes, moments, played.qpos.shape[1] - 1)
     _legend(figure, [axes])
     first = runs[0].config
-    others = "/".join(sorted({str(min(run.config.batch_size, LARGEST_BATCH) - 1) for run in runs}))
-    caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, others=others)
+    reference = REFERENCES[among].format(others="/".join(sorted({str(others(run)) for run in runs})))
+    caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, reference=reference)
     if runs[0].asked_as_of is not None:
         caption += f" Methods are told that it is epoch {runs[0].asked_as_of}."
     figure.supxlabel(textwrap.fill(caption, 130), fontsize=7.5, color="0.35", x=0.02, ha="left")

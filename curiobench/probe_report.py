@@ -3,12 +3,22 @@
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 from curiobench.learned_goals import align
 from curiobench.methods.specs import shown
-from curiobench.probe import ProbedRun, Reading, Score, controllability, open_runs, read
+from curiobench.probe import (
+    Among,
+    ProbedRun,
+    Reading,
+    Score,
+    controllability,
+    open_runs,
+    own_transitions,
+    read,
+)
 from curiobench.probe_episodes import Played, play_scripts, reference_transitions
 from curiobench.probe_figures import draw_q_int, draw_rewards
 from curiobench.probe_steps import falling, lifting
@@ -21,6 +31,7 @@ def probe(
     seed: int,
     trusted: Collection[str] = (),
     as_of_epoch: int | None = None,
+    among: Among = "random",
 ) -> tuple[str, list[str], list[Path]]:
     """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
 
@@ -31,12 +42,14 @@ def probe(
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
         as_of_epoch: what methods are told as their epoch, at least 0; that of each checkpoint if None.
+        among: what a probed transition is scored among: random play, the same for all, or each run's own replay.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
 
     Raises:
-        ValueError: runs that cannot be read or compared, or a folder that cannot be written.
+        ValueError: runs that cannot be read or compared, that have no replay to be scored among, or a folder that
+            cannot be written.
     """
     if as_of_epoch is not None and as_of_epoch < 0:
         raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
@@ -46,15 +59,18 @@ def probe(
         notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
     task, robot = runs[0].config.task, runs[0].config.robot
     played = play_scripts(task, robot, starts, seed)
-    reference = reference_transitions(task, robot, seed)
-    readings = [[read(run, episodes, reference) for run in runs] for episodes in played]
+    if among == "random":
+        references = [reference_transitions(task, robot, seed)] * len(runs)
+    else:
+        references = [own_transitions(run, seed) for run in runs]
+    readings = [[read(*pair) for pair in zip(runs, repeat(episodes), references)] for episodes in played]
     scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
     try:
         out.mkdir(parents=True, exist_ok=True)
         files = [
-            _write(out / "scores.csv", [_score_row(*pair) for pair in zip(runs, scores, strict=True)]),
+            _write(out / "scores.csv", [_score_row(*pair, among) for pair in zip(runs, scores, strict=True)]),
             _write(out / "numbers.csv", list(_number_rows(runs, readings, played))),
-            *draw(runs, readings, played, seed, out),
+            *draw(runs, readings, played, seed, out, among),
         ]
     except OSError as error:
         raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
@@ -62,12 +78,17 @@ def probe(
 
 
 def draw(
-    runs: Sequence[ProbedRun], readings: Sequence[Sequence[Reading]], played: Sequence[Played], seed: int, out: Path
+    runs: Sequence[ProbedRun],
+    readings: Sequence[Sequence[Reading]],
+    played: Sequence[Played],
+    seed: int,
+    out: Path,
+    among: Among = "random",
 ) -> list[Path]:
     """Draw all figures; that of Q_int only if a run has it."""
     files = []
     for of_kind, episodes in zip(readings, played, strict=True):
-        files += draw_rewards(runs, of_kind, episodes, seed, out / f"rewards_{episodes.kind.name}")
+        files += draw_rewards(runs, of_kind, episodes, seed, out / f"rewards_{episodes.kind.name}", among)
     hybrid = [number for number, reading in enumerate(readings[0]) if reading.q_int]
     if hybrid:
         of_hybrid = [[of_kind[number] for number in hybrid] for of_kind in readings]
@@ -85,11 +106,12 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
     return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
 
 
-def _score_row(run: ProbedRun, score: Score) -> dict[str, Any]:
+def _score_row(run: ProbedRun, score: Score, among: Among) -> dict[str, Any]:
     return {
         "method": shown(run.config.method),
         "run": str(run.path),
         "epoch": run.epoch,
+        "among": among,
         "lifting": score.lifting,
         "falling": score.falling,
         "controllability": score.mean,

@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Container, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -33,7 +34,8 @@ class RunFolder:
         Args:
             path: of the folder; created if it does not exist.
             config: of the run.
-            resume: continue a run that is there already, of the same config; where there is none, start one.
+            resume: continue a run that is there already, of the same config or one of fewer epochs; where there is
+                none, start one.
             command: the command line, for the record.
 
         Raises ValueError where the folder cannot be written, is in use, finished, or holds something else.
@@ -68,21 +70,52 @@ class RunFolder:
     def _claim(self, resume: bool, command: Sequence[str]) -> None:
         """Write config.json, or see that the one that is there allows this run."""
         if (self.path / "config.json").exists():
-            if (self.path / "result.json").exists():
-                raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
-            if not resume:
-                raise ValueError(f"{self.path} exists; use --resume to continue it")
-            if found := differences(read_config(self.path, {self.config.method}), self.config):
-                raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
+            self._continue(resume, command)
         elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
             raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
         else:
             self._write_config(command)
 
+    def _continue(self, resume: bool, command: Sequence[str]) -> None:
+        """See that the run that is there may go on, which may make it longer."""
+        finished = (self.path / "result.json").exists()
+        if not resume and not finished:
+            raise ValueError(f"{self.path} exists; use --resume to continue it")
+        begun = read_config(self.path, {self.config.method})
+        longer = resume and self.config.epochs > begun.epochs
+        if finished and not longer:
+            raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
+        if found := differences(replace(begun, epochs=self.config.epochs) if longer else begun, self.config):
+            raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
+        if longer:
+            self._lengthen(begun, finished, command)
+
+    def _lengthen(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> None:
+        """Give the run more epochs. It ends with the rows of one that had them from the start."""
+        if finished and not self.replay.is_dir():
+            raise ValueError(
+                f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
+                "made longer"
+            )
+        tested = [int(row["epoch"]) for row in read_rows(self.path / "evaluations.csv")]
+        if tested and tested[-1] % begun.evaluate_every:
+            raise ValueError(
+                f"{self.path} cannot be made longer: it was tested after epoch {tested[-1]}, where a longer run with "
+                f"evaluate_every {begun.evaluate_every} is not"
+            )
+        record = read_record(self.path)
+        head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": _now()}
+        record |= {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
+        # in this order: a kill in between leaves a run that only has to be finished once more
+        (self.path / "result.json").unlink(missing_ok=True)
+        self._write_record(record)
+
     def _write_config(self, command: Sequence[str]) -> None:
         record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
-        record |= {"versions": versions(self.config.method), "command": list(command)}
-        record |= {"created": datetime.now(UTC).isoformat(timespec="seconds")}
+        record |= {"versions": versions(self.config.method), "command": list(command), "created": _now()}
+        self._write_record(record)
+
+    def _write_record(self, record: dict[str, Any]) -> None:
         try:
             write_json(self.path / "config.json", record)
         except OSError as error:
@@ -141,6 +174,10 @@ class RunFolder:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _lock(path: Path) -> io.TextIOWrapper:

@@ -1,7 +1,7 @@
-"""The agent of a run's newest checkpoint, for those who only want to watch it."""
+"""The agent and the replay of a run's newest checkpoint, for those who only want to look at them."""
 
 from collections.abc import Container
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,23 +10,56 @@ from curiobench import checkpoint
 from curiobench.config import RunConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.sac import SAC
+from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import read_config
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
-from curiobench.training_state import build_agent
+from curiobench.training_state import build_agent, build_replay
+
+
+@dataclass(frozen=True)
+class SavedRun:
+    """What the newest checkpoint of a run holds."""
+
+    path: Path
+    """Run folder."""
+    config: RunConfig
+    """Of the run."""
+    agent: SAC
+    """On the CPU."""
+    epoch: int
+    """Epochs that the agent has completed."""
+    replay_name: str
+    """Of the replay's manifest."""
+
+    def load_replay(self) -> EpisodeReplay:
+        """The replay that the agent last learned from.
+
+        Raises ValueError where it is damaged, or gone, as it is once a run is finished, unless it was to be kept.
+        """
+        folder = self.path / "checkpoint" / "replay"
+        if not folder.is_dir():
+            raise ValueError(
+                f"{self.path} has no replay any more; runs trained with --machine.keep-replay keep theirs when finished"
+            )
+        replay = build_replay(self.config, goal_space(n_blocks_of(self.config.task)))
+        with checkpoint.errors_named(folder.parent):
+            replay.load(folder, self.replay_name)
+        return replay
 
 
 def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, SAC]:
-    """The config and the agent of a run folder, whether the run is finished or not; the agent on the CPU.
+    """The config and the agent of a run folder; see `load_saved`."""
+    saved = load_saved(path, trusted)
+    return saved.config, saved.agent
+
+
+def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
+    """What a run folder holds, whether the run is finished or not.
 
     Raises ValueError where the folder is not a run's, has no checkpoint yet, its checkpoint is damaged, or its method
     comes from outside and is not `trusted`.
     """
-    return load_agent_and_epoch(path, trusted)[:2]
-
-
-def load_agent_and_epoch(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, SAC, int]:
-    """As `load_agent`, with the epochs that the checkpoint's agent has completed."""
     config = read_config(path, trusted)
     tune_process(config.torch_threads)
     folder = path / "checkpoint"
@@ -35,7 +68,8 @@ def load_agent_and_epoch(path: Path, trusted: Container[str] = ()) -> tuple[RunC
         raise ValueError(f"{path} has no checkpoint yet")
     on_cpu = replace(config, device="cpu")
     agent = build_agent(on_cpu, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
+    state, values = saved
     with checkpoint.errors_named(folder):
         # a GPU's generator has another state than a CPU's; watching draws no random numbers
-        agent.load_state_dict(saved[0] | {"generator": agent.state_dict()["generator"]})
-    return config, agent, saved[1]["counters"]["epoch"]
+        agent.load_state_dict(state | {"generator": agent.state_dict()["generator"]})
+        return SavedRun(path, config, agent, values["counters"]["epoch"], values["replay"])

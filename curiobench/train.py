@@ -151,13 +151,14 @@ class Run:
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
-        """Draw the learning curve, write result.json, print the table, and delete the replay, which has served."""
+        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is to stay."""
         rows = read_rows(self.folder.path / "evaluations.csv")
         picture = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
         self.folder.write_result(result(self.state, rows))
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
         self.display.note(f"learning curve: {picture}\nresult: {self.folder.path / 'result.json'}")
-        for episodes in (self.folder.replay, self.folder.mapped_replay):
+        served = [self.folder.mapped_replay, *([] if self.config.machine.keep_replay else [self.folder.replay])]
+        for episodes in served:
             shutil.rmtree(episodes, ignore_errors=True)
 
 

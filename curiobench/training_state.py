@@ -77,6 +77,19 @@ def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSe
     return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
 
 
+def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
+    """The empty replay of a config, memory-mapped in a folder if one is given."""
+    return EpisodeReplay(
+        config.replay,
+        valid_goals=goal_space.goals,
+        compute_reward=BatchedStacking.compute_reward,
+        steps=EPISODE_STEPS,
+        observation_size=pair_layout(goal_space).observation_size,
+        action_size=ACTION_SIZE,
+        folder=folder,
+    )
+
+
 class TrainingState:
     """A run in progress.
 
@@ -102,15 +115,7 @@ class TrainingState:
         self._goal_space = self._worlds.goal_space
         self.reached = np.zeros(len(self._goal_space), bool)
         self.agent = build_agent(config, self._goal_space, streams["agent"])
-        self.replay = EpisodeReplay(
-            config.replay,
-            valid_goals=self._goal_space.goals,
-            compute_reward=self._worlds.compute_reward,
-            steps=EPISODE_STEPS,
-            observation_size=self._worlds.observation_size,
-            action_size=ACTION_SIZE,
-            folder=mapped_replay if config.machine.replay_on_disk else None,
-        )
+        self.replay = build_replay(config, self._goal_space, mapped_replay if config.machine.replay_on_disk else None)
 
     def collect(self) -> None:
         """One episode in every world, into the replay, the normalisers and the set of reached goals."""

@@ -94,7 +94,7 @@ def read_head(path: Path) -> Head:
     values |= {name: _text(versions.get(name)) for name in (*PACKAGES, "python", "git_commit")}
     values |= {"created": _text(record.get("created")), "finished": _text((result or {}).get("finished"))}
     values |= {"machine": _text((result or {}).get("machine"))}
-    values |= {"command": _command(record.get("command")), "config": json.dumps(config)}
+    values |= {"command": _command(record), "config": json.dumps(config)}
     values |= {"method_sha256": _text(versions.get("method_sha256"))[:64]}
     return Head(path, config, values, result, values["method_sha256"])
 
@@ -141,10 +141,14 @@ def _text(value: Any, limit: int = 200) -> str:
     return "".join(character if character.isprintable() else " " for character in value[:limit])
 
 
-def _command(words: Any) -> str:
-    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+def _command(record: Mapping[str, Any]) -> str:
+    """The command line that began a run, joined with those that made it longer; "" where it does not tell."""
+    lengthened = record.get("lengthened", [])
+    told = [record, *(lengthened if isinstance(lengthened, list) else [])]
+    lines = [words.get("command") if isinstance(words, dict) else None for words in told]
+    if not all(isinstance(line, list) and all(isinstance(word, str) for word in line) for line in lines):
         return ""
-    return _text(shlex.join(words), limit=10_000)
+    return _text(" && ".join(map(shlex.join, lines)), limit=10_000)
 
 
 def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str] = True) -> Run:

@@ -80,6 +80,13 @@ def test_machine_settings_decide_nothing():
     changed = replace(smoke, epochs=9, sac=replace(smoke.sac, gamma=0.5))
     assert differences(smoke, changed) == ["epochs is 5, not 9", "sac.gamma is 0.95, not 0.5"]
     assert smoke.fingerprint() != changed.fingerprint()
+    assert smoke.fingerprint() == replace(smoke, epochs=9).fingerprint()  # a checkpoint serves a longer run, too
+
+
+def test_configs_of_before_a_machine_option_are_read():
+    values = PRESETS["smoke"].to_json()
+    del values["machine"]["keep_replay"]
+    assert RunConfig.from_json(values) == PRESETS["smoke"]
 
 
 @pytest.mark.parametrize(("old", "new"), [("icm", "sac"), ("sac", "icm"), ("icm", "rnd"), ("icm", "icm+hm")])

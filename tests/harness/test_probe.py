@@ -13,10 +13,11 @@ import torch
 from tiny_runs import TINY
 
 from curiobench import palette, probe_report
+from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
 from curiobench.methods.registry import available_specs
 from curiobench.methods.reward import Batch
-from curiobench.probe import open_runs, read, score, what_method_sees
+from curiobench.probe import open_runs, others, own_transitions, read, score, what_method_sees
 from curiobench.probe_episodes import KINDS, play_scripts, reference_transitions, transitions
 from curiobench.probe_report import probe
 from curiobench.probe_steps import Track, falling, lifting, push_moments, stack_moments
@@ -32,7 +33,8 @@ def runs(tmp_path_factory):
     """Folders of finished tiny runs, by spec; not to be altered."""
     folder = tmp_path_factory.mktemp("probed")
     for spec in SPECS:
-        train(replace(TINY, method=spec, epochs=1, cycles=1), folder / spec)
+        machine = MachineConfig(keep_replay=spec != "rnd")
+        train(replace(TINY, method=spec, epochs=1, cycles=1, machine=machine), folder / spec)
     return {spec: folder / spec for spec in SPECS}
 
 
@@ -162,6 +164,34 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
         assert reading.q_int == {}
 
 
+def test_own_transitions_are_drawn_as_in_training(runs):
+    """From every episode that the run collected, relabelled: goals are not those that were pursued."""
+    (run,), _ = open_runs([runs["mi+hm"]])
+    own, replay = own_transitions(run, seed=0), run.load_replay()
+    assert len(own.reward) == others(run) == TINY.batch_size - 1
+    stored = {
+        row.tobytes() for row in replay.arrays["observation"][: len(replay)].reshape(-1, own.observation.shape[1])
+    }
+    assert {row.tobytes() for row in own.observation.numpy()} <= stored
+    assert own.reward.any()  # an untrained agent reaches nothing: these are hindsight's
+    assert torch.equal(own.observation, own_transitions(run, seed=0).observation)
+    assert not torch.equal(own.observation, own_transitions(run, seed=1).observation)
+
+
+def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(probe_report, "draw", lambda *_: [])
+    found = {}
+    for among in ("random", "replay"):
+        probe([runs["mi+hm"], runs["dac"]], tmp_path / among, STARTS, seed=0, among=among)
+        with open(tmp_path / among / "scores.csv", newline="") as file:
+            found[among] = {row["method"]: row for row in csv.DictReader(file)}
+        assert {row["among"] for row in found[among].values()} == {among}
+    assert found["random"]["mihm"]["lifting"] != found["replay"]["mihm"]["lifting"]
+    for name in ("lifting", "falling"):  # DAC looks at one transition at a time
+        of_dac = [float(rows["dac"][name]) for rows in found.values()]
+        assert of_dac[0] == pytest.approx(of_dac[1], abs=1e-5)
+
+
 def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
     (run,), _ = open_runs([runs["mi+hm"]])
     run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
@@ -263,6 +293,8 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
         ([runs["rnd"], other], "only runs of one task and robot compare"),
         ([runs["rnd"], runs["rnd"]], "named twice"),
         ([runs["rnd"], "--starts", 0], "starts is 0"),
+        ([runs["rnd"], "--among", "replay"], f"{runs['rnd']} has no replay any more"),
+        ([runs["rnd"], "--among", "expert"], "expert"),
         ([runs["rnd"], "--as-of-epoch", -1], "as_of_epoch is -1"),
         ([runs["rnd"], "--starts", 1, "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
     ):

@@ -51,8 +51,8 @@ def test_says_what_is_there_already(finished, tmp_path):
     RunFolder(tmp_path, TINY, resume=False).close()
     with pytest.raises(ValueError, match="exists; use --resume"):
         RunFolder(tmp_path, TINY, resume=False)
-    with pytest.raises(ValueError, match="another config: epochs is 3, not 9"):
-        RunFolder(tmp_path, replace(TINY, epochs=9), resume=True)
+    with pytest.raises(ValueError, match="another config: epochs is 3, not 2"):
+        RunFolder(tmp_path, replace(TINY, epochs=2), resume=True)
     for resume in (False, True):
         with pytest.raises(ValueError, match="already finished"):
             RunFolder(finished, TINY, resume)

@@ -402,6 +402,14 @@ def test_texts_of_others_stay_on_one_line(make_runs):
     assert (row["created"], row["command"], row["machine"]) == ("a b [31m", "x 'a b'", "")
 
 
+def test_the_command_of_a_run_made_longer_has_both_lines(make_runs):
+    (run,) = make_runs(methods=("sac",), seeds=1)
+    edit(run / "config.json", lambda record: record.update(command=["a", "b c"], lengthened=[{"command": ["d"]}]))
+    assert read_results([run]).runs.loc[0, "command"] == "a 'b c' && d"
+    edit(run / "config.json", lambda record: record.update(lengthened=["?"]))
+    assert read_results([run]).runs.loc[0, "command"] == ""
+
+
 def test_order_of_methods():
     assert in_order(["zeta", "mi", "alpha", "mihm", "sac", "sac", "icm+hm"]) == [
         *("sac", "mihm", "icm+hm", "mi", "alpha", "zeta")
