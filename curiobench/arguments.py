@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -208,6 +209,9 @@ def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default
         ValueError: arguments that are not understood; one line.
         SystemExit: on `--help`, after showing it.
     """
+    for flag, argument in pairwise(["an argument", *arguments]):
+        if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
+            raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
     messages = io.StringIO()
     try:
         with redirect_stderr(messages):

@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from curiobench.config import LARGEST_SEED
 from curiobench.grid.arguments import GridArguments
 
 Scalar = str | int | float | bool | None
@@ -15,6 +16,8 @@ Options = Mapping[str, Scalar]
 """Options of `curiobench train` by name, without the leading hyphens."""
 
 DEFAULT_SEEDS = 3
+MOST_SEEDS = 1_000
+"""Seeds of one grid that are asked for by their number."""
 _VARIANT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=+-]{0,99}")
 """Part of a folder's name, so nothing that leads elsewhere."""
 
@@ -45,8 +48,9 @@ class Grid:
                 raise ValueError(f"the grid has no {name}: name some by --{name}, or by {name} in the file")
             if doubled := [value for i, value in enumerate(values) if value in values[:i]]:
                 raise ValueError(f"{name} names {doubled[0]} twice")
-        if min(self.seeds) < 0:
-            raise ValueError(f"seeds holds {min(self.seeds)}; a seed is at least 0")
+        for seed in (min(self.seeds), max(self.seeds)):
+            if not 0 <= seed <= LARGEST_SEED:
+                raise ValueError(f"seeds holds {seed}; a seed lies between 0 and {LARGEST_SEED}")
 
 
 def define(arguments: GridArguments) -> Grid:
@@ -106,7 +110,7 @@ def _names(value: Any, where: str) -> list[str]:
 
 def _seeds(value: Any, where: str) -> list[int]:
     if type(value) is int:
-        return list(range(value))
+        return _first_seeds(value)
     if not isinstance(value, list) or not all(type(seed) is int for seed in value):
         raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or a list of seeds such as [4, 7]")
     return value
@@ -178,7 +182,13 @@ def _seeds_of_text(text: str) -> list[int]:
         seeds = [int(part) for part in _split(text)]
     except ValueError:
         raise ValueError(f"seeds is {text!r}; expected a number of seeds, or seeds such as 4,7") from None
-    return seeds if "," in text or not seeds else list(range(seeds[0]))
+    return seeds if "," in text or not seeds else _first_seeds(seeds[0])
+
+
+def _first_seeds(number: int) -> list[int]:
+    if number > MOST_SEEDS:
+        raise ValueError(f"seeds asks for {number} of them, {MOST_SEEDS} at most; `{number},` is one seed")
+    return list(range(number))
 
 
 def _options_of_text(text: str) -> dict[str, Scalar]:

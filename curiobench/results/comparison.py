@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 PAGE = 30
 """Methods in one figure."""
+SEED_GAP = 0.09
+"""Between the dots of equal seeds, in rows."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class Summary:
     """The number of each seed (S,) of a sample."""
     top: float = 1.0
     """Largest value there can be."""
+    untrained: float | None = None
+    """Its value before training, where that is drawn."""
 
 
 def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
@@ -49,8 +53,8 @@ def _page(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
         for place, (layer, size) in enumerate(zip(task.layers, task.sizes, strict=True))
     ]
     success = [
-        Summary("at the end", lambda sample: sample.last_success[:, 0]),
-        Summary("over training (area under the curve)", success_over_training),
+        Summary("at the end", lambda sample: sample.last_success[:, 0], untrained=task.untrained),
+        Summary("over training (area under the curve)", success_over_training, untrained=task.untrained),
     ]
     rows = {"learned goals": learned, "mean success": success}
     figure = new_figure(TEXT_WIDTH, 1.0 + len(rows) * (0.45 + 0.19 * len(samples)))
@@ -72,8 +76,10 @@ def _dots(axes: "Axes", samples: Sequence[Sample], summary: Summary) -> None:
         if sample.n_seeds > 1:
             axes.hlines(row, *curve_interval(values), color=look["color"], linewidth=1.6)
         axes.plot([values.mean()], [row], **look, markersize=5, zorder=3)
-        below = np.full(len(values), row + 0.3)
+        below = row + 0.26 + SEED_GAP * _places_among_equals(values)
         axes.plot(values, below, "o", color=look["color"], alpha=0.8, markersize=2, markeredgewidth=0, clip_on=False)
+    if summary.untrained is not None:
+        axes.axvline(summary.untrained, color="0.45", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)
     axes.set_ylim(len(samples) - 0.5, -0.5)
     axes.set_yticks(range(len(samples)), [names[sample] for sample in samples])
     axes.set_xlim(-0.03 * summary.top, 1.03 * summary.top)
@@ -81,6 +87,11 @@ def _dots(axes: "Axes", samples: Sequence[Sample], summary: Summary) -> None:
     axes.set_title(summary.title)
     axes.grid(axis="y", color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def _places_among_equals(values: np.ndarray) -> np.ndarray:
+    """(S,) how many of the values before each equal it, so that equal seeds do not hide each other."""
+    return np.array([np.sum(values[:i] == value) for i, value in enumerate(values)])
 
 
 def _learned(place: int) -> Callable[[Sample], np.ndarray]:

@@ -32,7 +32,7 @@ def draw_learned(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]
 
 def draw_exploitation(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
     """Share of steps at which the exploitation policy π_d acted, of samples with the hybrid mechanism (Figure 6C)."""
-    return draw_lines(samples, [Panel("", _exploitation)], _epochs(task, "share of π_d"))
+    return draw_lines(samples, [Panel("", _exploitation)], _epochs(task, r"share of $\pi_d$"))
 
 
 def layer_name(layer: int) -> str:

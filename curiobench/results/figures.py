@@ -12,7 +12,7 @@ from curiobench.results.curves import draw_exploitation, draw_learned, draw_succ
 from curiobench.results.heat_map import draw_heat_map
 from curiobench.results.profiles import draw_profile
 from curiobench.results.samples import Sample, TaskSamples, task_samples
-from curiobench.results.statistics import conclusive
+from curiobench.results.statistics import seed_warnings
 from curiobench.results.style import base, caption, method_name, seeds, theme
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ KINDS = MappingProxyType(
         "profile": Kind(draw_profile, "Share of goals and seeds that end above a success of τ", _LINES),
         "comparison": Kind(
             draw_comparison,
-            "The last evaluation, and success averaged over training",
+            "The last evaluation, and success averaged over training; dotted: success before training",
             "Large: mean over {seeds} and its 95 % bootstrap interval; small: each seed",
         ),
     }
@@ -136,8 +136,8 @@ def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
     number = seeds(counts[0]) if len(counts) == 1 else f"{counts[0]} to {seeds(counts[-1])}"
     shown = kind.seeds.format(seeds=number) if counts[-1] > 1 else "1 seed, no interval"
     parts = [f"{kind.caption}; {task.about}", shown]
-    if counts[0] > 1 and (warning := conclusive(counts[0])):
-        parts.append(warning)
+    if counts[-1] > 1:
+        parts += seed_warnings([(method_name(sample.method), sample.n_seeds) for sample in samples])
     names = {base(sample.method) for sample in samples if ":" in sample.method}
     parts += [f"{method_name(name)} is {name}" for name in sorted(names) if method_name(name) != name]
     return ". ".join(parts) + "."

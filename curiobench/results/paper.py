@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 PAPER_TASK = "stack3"
-PAPER_EPOCHS = 500
 PAPER_GOALS = (8, 21, 6)
 """Table 1: goals of one, two and three layers."""
 

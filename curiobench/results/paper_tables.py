@@ -1,18 +1,19 @@
 """Our runs in the shape of the paper's Tables 1 to 4, beside the paper's numbers."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 
 from curiobench.results.frames import Results
 from curiobench.results.paper import (
     LEARNED,
-    PAPER_EPOCHS,
     PAPER_GOALS,
     PAPER_TABLES,
     PAPER_TASK,
     QUOTED,
     PaperTable,
 )
+from curiobench.results.scale import PAPER_STEPS, millions, scale_of, spread
 from curiobench.results.summaries import Summary, cautions, summarise
 from curiobench.results.tables import Column, Table, Value, interval_notes, layer_name
 
@@ -29,27 +30,39 @@ def paper_tables(results: Results) -> list[Table]:
         raise ValueError(f"none of the runs is of a method in the paper's tables, which are {', '.join(_METHODS)}")
     tables = []
     for task, group in groupby(summaries, key=lambda summary: summary.task):
-        tables += _tables_of_task(task, list(group))
-    *tables, last = tables
-    return [*tables, Table(last.title, last.columns, last.rows, (*last.notes, *_notes(results, summaries)))]
+        tables += _tables_of_task(results, task, list(group))
+    return tables
 
 
-def _notes(results: Results, summaries: Sequence[Summary]) -> list[str]:
-    notes = [*interval_notes(summaries), "the paper tells no spread over seeds"]
-    if others := sorted({summary.task for summary in summaries} - {PAPER_TASK}):
-        notes.append(f"the paper's numbers are of {PAPER_TASK}, another task than {' and '.join(others)}")
-    if unlike := sorted({epochs for summary in summaries for epochs in summary.epochs} - {PAPER_EPOCHS}):
-        notes.append(f"the paper trains {PAPER_EPOCHS} epochs, these runs {' or '.join(map(str, unlike))}")
-    notes.append(f"{' and '.join(QUOTED)} are quoted from the paper; curiobench does not have them")
-    if left := [name for name in dict.fromkeys(results.runs["method"]) if name not in _METHODS]:
-        notes.append(f"not in the paper's tables, so not here: {', '.join(left)}")
-    return notes + cautions(results)
-
-
-def _tables_of_task(task: str, summaries: list[Summary]) -> list[Table]:
+def _tables_of_task(results: Results, task: str, summaries: list[Summary]) -> list[Table]:
     goals = summaries[0].goals
     layers = [layer for layer in goals if layer]
-    return [_goals_table(task, goals), *(_methods_table(task, layers, table, summaries) for table in PAPER_TABLES)]
+    shared = _shared_notes(results, task, summaries)
+    *tables, last = (_methods_table(task, layers, table, summaries, shared) for table in PAPER_TABLES)
+    last = replace(last, notes=(*last.notes, *_closing_notes(results, task)))
+    return [_goals_table(task, goals), *tables, last]
+
+
+def _shared_notes(results: Results, task: str, summaries: Sequence[Summary]) -> tuple[str, ...]:
+    """What each table of a task has to tell, for each may be shown alone."""
+    runs = results.runs[results.runs["task"] == task]
+    notes = [scale_of(runs), *interval_notes(summaries)]
+    if task != PAPER_TASK:
+        notes.append(f"the paper's numbers are of {PAPER_TASK}, another task than {task}")
+    if not (runs["steps"] == PAPER_STEPS).all():
+        notes.append(f"the paper trains {millions(PAPER_STEPS)} steps, these runs {spread(runs['steps'], millions)}")
+    return tuple(notes)
+
+
+def _closing_notes(results: Results, task: str) -> list[str]:
+    notes = [
+        "the paper tells no spread over seeds",
+        f"{' and '.join(QUOTED)} are quoted from the paper; curiobench does not have them",
+    ]
+    of_task = results.runs.loc[results.runs["task"] == task, "method"]
+    if left := [name for name in dict.fromkeys(of_task) if name not in _METHODS]:
+        notes.append(f"not in the paper's tables, so not here: {', '.join(left)}")
+    return notes + cautions(results, task)
 
 
 def _paper_columns(task: str) -> list[Column]:
@@ -70,7 +83,9 @@ def _goals_table(task: str, goals: dict[int, int]) -> Table:
     return Table(f"Table 1, {task}: goals", columns, (row,))
 
 
-def _methods_table(task: str, layers: Sequence[int], table: PaperTable, summaries: Sequence[Summary]) -> Table:
+def _methods_table(
+    task: str, layers: Sequence[int], table: PaperTable, summaries: Sequence[Summary], notes: tuple[str, ...]
+) -> Table:
     rows: list[dict[str, Value]] = []
     for method in table.methods:
         ours = [summary for summary in summaries if summary.method == method]
@@ -82,7 +97,7 @@ def _methods_table(task: str, layers: Sequence[int], table: PaperTable, summarie
         names.append(Column("variant", "options"))
     ours = [Column(f"learned_{layer}", layer_name(layer), 1) for layer in layers]
     columns = (*names, Column("seeds", "seeds", 0), *ours, Column("learned", "total", 1), *_paper_columns(task))
-    return Table(f"Table {table.number}, {task}: learned goals, {table.about}", columns, tuple(rows))
+    return Table(f"Table {table.number}, {task}: learned goals, {table.about}", columns, tuple(rows), notes)
 
 
 def _our_values(summary: Summary) -> dict[str, Value]:

@@ -23,7 +23,8 @@ DERIVED = ("tables", "figures", "report.html")
 """What is made from the rows, and can be made again."""
 _OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
 _PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
-_COMMIT = re.compile(r"[0-9a-f]+")
+_COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
+"""Of a run, which has more than one where it was made longer by other code."""
 
 
 def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
@@ -50,6 +51,8 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
         raise ValueError(f"not published: {'; '.join(faults)}; --allow-dirty takes them all the same")
     configs = _configs(results, paths)
     place = out.resolve()
+    if not place.name:
+        raise ValueError(f"{out} is no place for a published set; name a folder in it")
     old, new = (place.with_name(f".{place.name}.{kind}") for kind in ("old", "new"))
     try:
         _tidy(place, old, new)
@@ -82,7 +85,7 @@ def _unknown_code(runs: "pd.DataFrame") -> list[str]:
     return [
         f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
         for run, commit in zip(runs["run"], runs["git_commit"], strict=True)
-        if not _COMMIT.fullmatch(commit)
+        if not _COMMITS.fullmatch(commit)
     ]
 
 
@@ -128,13 +131,20 @@ def _check_place(out: Path, results: Results, replace: bool) -> None:
     """Raises ValueError where something is at `out` that the set must not take the place of."""
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
-    if not (out.is_dir() and look(out).published):
+    if not _is_published(out):
         raise ValueError(f"{out} exists and is no published set")
     if replace:
         return
     check_sums(out)
     if faults := _lost(read_results([out]), results):
         raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
+
+
+def _is_published(path: Path) -> bool:
+    try:
+        return path.is_dir() and look(path).published
+    except ValueError:
+        return False
 
 
 def _lost(old: Results, new: Results) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.config import CONFIG_VERSION
+from curiobench.config import CONFIG_VERSION, LARGEST_SEED
 from curiobench.files import read_json
 from curiobench.methods.specs import HYBRID, canonical, shown
 from curiobench.results.evaluations import Evaluations, check_header, parse_csv, read_bytes, read_evaluations
@@ -88,15 +88,29 @@ def read_head(path: Path) -> Head:
     except ValueError as error:
         raise ValueError(f"{path / 'config.json'}: {error}") from None
     result = _read_result(path / "result.json", config["epochs"])
-    versions = record.get("versions") if isinstance(record.get("versions"), dict) else {}
+    begun = starts(record)
     values = {name: config[name] for name in ("task", "method", "seed", "robot", "preset", "epochs")}
     values |= {"method": shown(config["method"]), "complete": result is not None}
-    values |= {name: _text(versions.get(name)) for name in (*PACKAGES, "python", "git_commit")}
+    values |= {name: _of_starts(begun, name) for name in (*PACKAGES, "python", "git_commit")}
     values |= {"created": _text(record.get("created")), "finished": _text((result or {}).get("finished"))}
     values |= {"machine": _text((result or {}).get("machine"))}
     values |= {"command": _command(record), "config": json.dumps(config)}
-    values |= {"method_sha256": _text(versions.get("method_sha256"))[:64]}
+    values |= {"method_sha256": _text(begun[0].get("method_sha256"))[:64]}
     return Head(path, config, values, result, values["method_sha256"])
+
+
+def starts(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Versions that a run was begun with, and each time made longer; empty where it does not tell."""
+    lengthened = record.get("lengthened", [])
+    told = [record, *(lengthened if isinstance(lengthened, list) else [])]
+    found = [words.get("versions") if isinstance(words, dict) else None for words in told]
+    return [versions if isinstance(versions, dict) else {} for versions in found]
+
+
+def _of_starts(begun: Sequence[Mapping[str, Any]], name: str) -> str:
+    """A version, or all that there were, separated by spaces; "" where one is not told."""
+    texts = [_text(versions.get(name)) for versions in begun]
+    return " ".join(dict.fromkeys(texts)) if all(texts) else ""
 
 
 def check_config(config: Any) -> dict[str, Any]:
@@ -106,8 +120,9 @@ def check_config(config: Any) -> dict[str, Any]:
     check_name("task", config.get("task"), TASKS)
     check_name("robot", config.get("robot"), ROBOTS)
     for name, least in (("seed", 0), ("epochs", 1)):
-        if type(config.get(name)) is not int or not least <= config[name] < 1 << 31:
-            raise ValueError(f"{name} is {config.get(name)!r}; it must be a whole number of at least {least}")
+        if type(config.get(name)) is not int or not least <= config[name] <= LARGEST_SEED:
+            legal = f"a whole number from {least} to {LARGEST_SEED}"
+            raise ValueError(f"{name} is {config.get(name)!r}; it must be {legal}")
     for name in ("method", "preset"):
         if not isinstance(config.get(name), str) or not _SPEC.fullmatch(config[name]):
             raise ValueError(f"{name} is {config.get(name)!r:.80}; it must be a name")

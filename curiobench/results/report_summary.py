@@ -3,21 +3,17 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from curiobench.config import PRESETS
-from curiobench.results.report_cells import Cell, cells_of, count, listed
+from curiobench.results.report_cells import Cell, cells_of, count, listed, runs_of
 from curiobench.results.report_goals import last_evaluations
-from curiobench.results.statistics import conclusive
+from curiobench.results.scale import PAPER_STEPS, millions, scale_of
+from curiobench.results.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.results.summaries import cautions
-from curiobench.tasks.registration import EPISODE_STEPS
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from curiobench.results.frames import Results
 
-PAPER = PRESETS["paper"]
-PAPER_STEPS = PAPER.epochs * PAPER.cycles * PAPER.worlds * PAPER.rollouts * EPISODE_STEPS
-"""Steps of a run of the paper."""
 FAR_BELOW = 0.5
 """Share of the paper's steps below which the scale of runs is warned of."""
 MOST_NAMES = 3
@@ -67,18 +63,8 @@ def _seeds_of_cells(runs: "pd.DataFrame") -> list[int]:
 
 
 def _scale(runs: "pd.DataFrame") -> str:
-    presets, robots = (listed(sorted(map(str, runs[name].unique()))) for name in ("preset", "robot"))
-    epochs = _range(runs["epoch"], lambda number: f"{number:,.0f}")
-    return f"Preset {presets}: {epochs} epochs and {_range(runs['steps'], _millions)} steps a run, robot {robots}."
-
-
-def _range(values: "pd.Series", write) -> str:
-    low, high = write(values.min()), write(values.max())
-    return low if low == high else f"{low} to {high}"
-
-
-def _millions(steps: float) -> str:
-    return f"{steps / 1e6:.3g} M" if steps >= 1e6 else f"{steps:,.0f}"
+    text = scale_of(runs)
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _when(runs: "pd.DataFrame") -> str:
@@ -105,11 +91,14 @@ def _outcomes(results: "Results") -> list[str]:
     rows = last_evaluations(results)
     learned = rows.groupby(["task", "method", "variant", "run"])["learned"].sum()
     means = learned.groupby(["task", "method", "variant"]).mean()
-    average = " on average over seeds" if results.runs["seed"].nunique() > 1 else ""
     found = []
     for task, of_task in rows.groupby("task"):
+        seeds = _seeds_of_cells(results.runs[results.runs["task"] == task])
+        average = " on average over seeds" if max(seeds) > 1 else ""
         by_cell = {cell: float(means.loc[tuple(cell)]) for cell in cells_of(of_task)}
         found.append(_outcome(str(task), by_cell, of_task["bits"].nunique(), average))
+        if len(by_cell) > 1 and min(seeds) < ENOUGH_SEEDS:
+            found.append("So few seeds do not rank them.")
     return found
 
 
@@ -130,15 +119,27 @@ def _few(names: list[str]) -> str:
     return listed(names) if len(names) <= MOST_NAMES else f"{len(names)} methods"
 
 
+def _too_few(runs: "pd.DataFrame") -> list[str]:
+    """Which methods have too few seeds; of which task, if that is not the same everywhere."""
+    by_task = {}
+    for task, of_task in runs.groupby("task", observed=True):
+        cells = [(cell.label, int(runs_of(of_task, cell)["seed"].nunique())) for cell in cells_of(of_task)]
+        by_task[str(task)] = seed_warnings(cells)
+    first = next(iter(by_task.values()))
+    if all(lines == first for lines in by_task.values()):
+        return first
+    return [f"{task}: {line}" for task, lines in by_task.items() for line in lines]
+
+
 def _warnings(results: "Results") -> list[str]:
     sizes = _seeds_of_cells(results.runs)
-    found = list(filter(None, [conclusive(min(sizes))]))
+    found = _too_few(results.runs)
     if len(set(sizes)) > 1:
         found.append(f"methods have {min(sizes)} to {max(sizes)} seeds, so that their intervals are not equally wide")
     most = results.runs["steps"].max()
     if most < FAR_BELOW * PAPER_STEPS:
         found.append(
-            f"the runs are far below the paper's scale, {_millions(most)} steps at most, which is "
-            f"{100 * most / PAPER_STEPS:.2g} % of the paper's {_millions(PAPER_STEPS)}: longer runs may rank otherwise"
+            f"the runs are far below the paper's scale, {millions(most)} steps at most, which is "
+            f"{100 * most / PAPER_STEPS:.2g} % of the paper's {millions(PAPER_STEPS)}: longer runs may rank otherwise"
         )
     return found + cautions(results)

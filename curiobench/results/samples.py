@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.results.frames import Results, in_order
+from curiobench.results.scale import scale_of
+from curiobench.results.summaries import untrained
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +56,9 @@ class TaskSamples:
 
     task: str
     about: str
-    """Task, robot and preset, and a word on partial runs: for captions."""
+    """Task and scale, and a word on partial runs: for captions."""
+    untrained: float | None
+    """Success over all goals before training, mean over runs; None where they were not tested then."""
     goals: tuple[str, ...]
     """Names of the G goals."""
     goal_layers: np.ndarray
@@ -103,6 +107,7 @@ def _of_task(task: str, runs: "pd.DataFrame", results: Results) -> TaskSamples:
     return TaskSamples(
         task=task,
         about=_about(task, runs),
+        untrained=None if (before := untrained(results, task)) is None else before.success,
         goals=tuple(map(str, goals["goal"])),
         goal_layers=goals["layer"].to_numpy(int),
         layers=tuple(map(int, sizes)),
@@ -152,10 +157,9 @@ def _exploitation(runs: Sequence[str], progress: "pd.DataFrame") -> tuple[np.nda
 
 
 def _about(task: str, runs: "pd.DataFrame") -> str:
-    robots, presets = ("/".join(sorted(set(map(str, runs[name])))) for name in ("robot", "preset"))
     partial = int((~runs["complete"].astype(bool)).sum())
     note = f"; {partial} of {len(runs)} runs are partial, and curves end where a run of the method does"
-    return f"{task}, {robots}, {presets} preset{note * (partial > 0)}"
+    return f"{task}, {scale_of(runs)}{note * (partial > 0)}"
 
 
 def _steps_per_epoch(runs: "pd.DataFrame") -> float | None:

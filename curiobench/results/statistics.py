@@ -6,7 +6,7 @@ Everything is a function of its arguments: the bootstrap has a seed.
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -185,6 +185,25 @@ def conclusive(n_seeds: int) -> str | None:
     if n_seeds < ENOUGH_SEEDS:
         return f"{n_seeds} seeds are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
     return None
+
+
+def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
+    """Lines that say which methods have too few seeds to conclude from.
+
+    Args:
+        sizes: a method's name and how many seeds it has, for each of the methods that stand together.
+
+    Returns:
+        One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
+    """
+    by_size: dict[int, list[str]] = {}
+    for name, size in sizes:
+        by_size.setdefault(size, []).append(name)
+    warnings = []
+    for size, names in sorted(by_size.items()):
+        whose = "" if len(by_size) == 1 else f"{', '.join(names) if len(names) <= 3 else f'{len(names)} methods'}: "
+        warnings += [whose + line for line in [conclusive(size)] if line]
+    return warnings
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:

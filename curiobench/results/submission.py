@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from curiobench.results.configs import read_records
 from curiobench.results.frames import Results, read_results
 from curiobench.results.published import available, load, locate
+from curiobench.results.reading import starts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,11 +51,12 @@ class Submission:
         """Rows of progress.csv by run."""
         return _by_run(self.results.progress)
 
-    def versions(self, run: str) -> dict[str, str | int]:
-        """What a run says about the software that made it; empty where it says nothing."""
-        versions = self.records[run].get("versions")
-        items = versions.items() if isinstance(versions, dict) else ()
-        return {name: value for name, value in items if isinstance(value, str | int)}
+    def versions(self, run: str) -> list[dict[str, str | int]]:
+        """What a run says about the software that began it and that made it longer; empty where it says nothing."""
+        return [
+            {name: value for name, value in versions.items() if isinstance(value, str | int)}
+            for versions in starts(self.records[run])
+        ]
 
 
 @dataclass(frozen=True)

@@ -80,21 +80,18 @@ def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
     """The tasks' version; runs that do not tell it are of the first, the only one when they were made."""
     wanted = {TASK_VERSION}
     if against.runs:
-        wanted = {against.runs.versions(run).get("task_version", 1) for run in against.runs.records}
+        wanted = {v.get("task_version", 1) for run in against.runs.records for v in against.runs.versions(run)}
     for run in runs.records:
-        found = runs.versions(run).get("task_version", 1)
-        if found not in wanted:
+        for found in {versions.get("task_version", 1) for versions in runs.versions(run)} - wanted:
             yield f"version {found}, not {' or '.join(sorted(map(str, wanted)))}", run
 
 
 def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
     """The seed of the test episodes, where a run tells it."""
-    found = {run: runs.versions(run).get("evaluation_seed") for run in runs.records}
-    if not any(found.values()):
+    found = [(run, v.get("evaluation_seed")) for run in runs.records for v in runs.versions(run)]
+    if not any(seed for _, seed in found):
         raise Skipped("made by a curiobench that did not write it down yet")
-    yield from (
-        (f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found.items() if seed not in (None, EVALUATION_SEED)
-    )
+    yield from ((f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found if seed not in (None, EVALUATION_SEED))
 
 
 def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
@@ -108,16 +105,17 @@ def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
 def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
     """Code as it is in a commit."""
     for run in runs.records:
-        commit = str(runs.versions(run).get("git_commit", ""))
-        if commit.endswith("-dirty"):
-            yield f"made by an altered copy of commit {commit[:12]}", run
+        for commit in {str(versions.get("git_commit", "")) for versions in runs.versions(run)}:
+            if commit.endswith("-dirty"):
+                yield f"made by an altered copy of commit {commit[:12]}", run
 
 
 def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
     """A commit that says which code a run was made by; a package installed without git has none."""
     for run in runs.records:
-        if not runs.versions(run).get("git_commit"):
-            yield f"only the version is known, {runs.versions(run).get('curiobench', 'unknown')}", run
+        for versions in runs.versions(run):
+            if not versions.get("git_commit"):
+                yield f"only the version is known, {versions.get('curiobench', 'unknown')}", run
 
 
 def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
@@ -129,11 +127,11 @@ def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
         raise Skipped("all methods come with curiobench")
     found = defaultdict(set)
     for run, method in outside.items():
-        digest = str(runs.versions(run).get("method_sha256", ""))
-        if _DIGEST.fullmatch(digest):
-            found[method].add(digest)
-        else:
-            yield f"none of {method}", run
+        for digest in (str(versions.get("method_sha256", "")) for versions in runs.versions(run)):
+            if _DIGEST.fullmatch(digest):
+                found[method].add(digest)
+            else:
+                yield f"none of {method}", run
     yield from ((f"{len(files)} different files of {method}", "") for method, files in found.items() if len(files) > 1)
 
 
@@ -153,11 +151,12 @@ def software(runs: Submission, against: Reference) -> Iterator[Fault]:
     if against.runs is None:
         raise Skipped("no published set to compare with")
     for name in SOFTWARE:
-        published = {_release(version) for version in against.runs.results.runs[name]}
+        published = set().union(*map(_releases, against.runs.results.runs[name]))
         for run, version in zip(runs.results.runs["run"], runs.results.runs[name], strict=True):
-            if _release(version) not in published:
+            if not _releases(version) <= published:
                 yield f"{name} {version or 'unknown'}, not {' or '.join(sorted(published))}", run
 
 
-def _release(version: str) -> str:
-    return version.partition("+")[0]
+def _releases(versions: str) -> set[str]:
+    """Versions, separated by spaces, without their builds; {""} for an unknown one."""
+    return {version.partition("+")[0] for version in versions.split() or [""]}

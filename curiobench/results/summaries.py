@@ -118,18 +118,23 @@ def summarise(results: Results, baseline: str = "sac") -> list[Summary]:
     }
     summaries = []
     for (task, method, variant), (runs, scores) in cells.items():
-        against = None if method == baseline else _baseline(cells, task, baseline, variant)
+        against = None if method == baseline else _baseline(cells, task, baseline, variant, runs)
         summaries.append(_summary(runs, scores, against, _layers_of(results, runs["run"].iloc[0])))
     order = {method: place for place, method in enumerate(in_order([summary.method for summary in summaries]))}
     return sorted(summaries, key=lambda s: (s.task, order[s.method], s.variant))
 
 
-def _baseline(cells: dict, task: str, baseline: str, variant: str) -> _Scores | None:
-    """Scores of the baseline with the same variant, or of its only one."""
-    found = {key[2]: scores for key, (_, scores) in cells.items() if key[:2] == (task, baseline)}
-    if variant in found:
-        return found[variant]
-    return next(iter(found.values())) if len(found) == 1 else None
+def _baseline(cells: dict, task: str, baseline: str, variant: str, runs: pd.DataFrame) -> _Scores | None:
+    """Scores of the baseline with the same variant, or of its only one, if its runs are as long as these."""
+    found = {key[2]: cell for key, cell in cells.items() if key[:2] == (task, baseline)}
+    if variant not in found and len(found) != 1:
+        return None
+    theirs, scores = found.get(variant) or next(iter(found.values()))
+    return scores if _lengths(theirs) == _lengths(runs) else None
+
+
+def _lengths(runs: pd.DataFrame) -> set[tuple[int, int, int]]:
+    return set(runs[["epoch", "steps", "updates"]].itertuples(index=False, name=None))
 
 
 def _scores_by_run(results: Results) -> dict[str, _Scores]:
@@ -196,16 +201,37 @@ def _summary(runs: pd.DataFrame, scores: _Scores, baseline: _Scores | None, goal
 
 
 def _improvement(scores: np.ndarray, baseline: np.ndarray | None) -> Estimate | None:
-    """None also where either has a single seed: the probability would be 0 or 1, whatever the methods."""
+    """None also where either has a single seed: the probability would be 0 or 1, whatever the methods.
+
+    Where all runs of one are better than all of the other every resample says the same; that is no interval.
+    """
     if baseline is None or min(len(scores), len(baseline)) < 2:
         return None
     x, y = scores[:, None], baseline[:, None]
-    return Estimate(probability_of_improvement(x, y), *improvement_interval(x, y))
+    low, high = improvement_interval(x, y)
+    return Estimate(probability_of_improvement(x, y), *((low, high) if low < high else ()))
 
 
-def cautions(results: Results) -> list[str]:
-    """One line on each thing that makes a comparison of the methods of one task unequal."""
-    runs = results.runs
+@dataclass(frozen=True)
+class Untrained:
+    """What agents can do before they learn, mean over runs: a goal may hold at most starts."""
+
+    learned: float
+    """Goals with success above 80 %."""
+    success: float
+    """Mean over goals."""
+
+
+def untrained(results: Results, task: str) -> Untrained | None:
+    """What the runs of a task could do before training; None where they were not tested then."""
+    layers = results.layers
+    rows = layers[(layers["task"] == task) & (layers["epoch"] == 0) & (layers["layer"] == 0)]
+    return Untrained(float(rows["learned"].mean()), float(rows["success"].mean())) if len(rows) else None
+
+
+def cautions(results: Results, task: str | None = None) -> list[str]:
+    """One line on each thing that makes a comparison of the methods of one task unequal; of all tasks if None."""
+    runs = results.runs if task is None else results.runs[results.runs["task"] == task]
     lines = []
     for (task, _), group in runs.groupby(["task", "variant"], sort=True):
         options = [decisive(json.loads(text)) for text in group["config"]]
@@ -213,6 +239,10 @@ def cautions(results: Results) -> list[str]:
         for package in PACKAGES:
             if len(found := sorted(set(group[package]))) > 1:
                 lines.append(f"runs of {task} were made with {package} {' and '.join(found)}")
+    for of_task, group in runs.groupby("task", sort=True):
+        commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
+        if len(commits) > 1:
+            lines.append(f"runs of {of_task} were made at {len(commits)} commits: {', '.join(commits)}")
     if partial := int((~runs["complete"].astype(bool)).sum()):
         lines.append(f"runs that are not finished: {partial}; their last evaluation stands for their end")
     return list(dict.fromkeys(lines))

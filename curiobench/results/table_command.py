@@ -36,8 +36,13 @@ def show_tables(arguments: "TableArguments") -> None:
 
     Raises ValueError, after the tables, where a path that was asked for is not in them, or there is nothing to show.
     """
+    if arguments.like and arguments.each_run:
+        raise ValueError("--like paper and --each-run are different tables; ask for one of them")
     single = len(arguments.runs) == 1 and (arguments.runs[0] / "config.json").exists()
     each_run = arguments.each_run or (single and arguments.like is None)
+    if arguments.baseline and (each_run or arguments.like):
+        other = "--like paper" if arguments.like else "single runs"
+        raise ValueError(f"--baseline is for the tables of methods, not for {other}")
     results = read_results(arguments.runs, arguments.partial or each_run, every_goal=False, progress=False)
     if not results.runs.empty:
         tables, flat, name = _tables(arguments, results, each_run)

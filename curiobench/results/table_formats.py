@@ -124,7 +124,7 @@ def _plain(value: str | int | float) -> str:
 def _is_number(table: Table, column: Column) -> bool:
     values = [row.get(column.key) for row in table.rows]
     texts = [value for value in values if value is not None]
-    return bool(texts) and all(isinstance(value, _NUMBERS) or value[:1].isdigit() for value in texts)
+    return all(isinstance(value, _NUMBERS) or value[:1].isdigit() for value in texts)
 
 
 def _cells(table: Table) -> list[list[tuple[str, bool]]]:

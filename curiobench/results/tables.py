@@ -1,15 +1,21 @@
 """Tables of results: what stands in their rows and columns. How they are written is table_formats.py's business."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from curiobench.results.frames import Results
-from curiobench.results.statistics import conclusive
-from curiobench.results.summaries import GOOD_SUCCESS, Estimate, Summary, cautions, run_rows
+from curiobench.results.scale import scale_of
+from curiobench.results.statistics import ENOUGH_SEEDS, seed_warnings
+from curiobench.results.summaries import GOOD_SUCCESS, Estimate, Summary, cautions, run_rows, untrained
 
 Value = str | int | float | Estimate | None
+
+CLOCK = "hours are of the clock, also where runs shared their machine with other work"
+RARE = 100
+"""One comparison of equals in so many is let pass without a word."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +46,12 @@ class Table:
     """Lines below it."""
 
     def best(self, column: Column) -> int | None:
-        """Row of the value that is better than all others beyond doubt; None where there is none."""
+        """Row of the value that is better than all others beyond doubt; None where there is none, or too few seeds."""
         values = [row.get(column.key) for row in self.rows]
         if not column.contest or len(values) < 2:
             return None
+        if min(row.get("seeds", ENOUGH_SEEDS) for row in self.rows) < ENOUGH_SEEDS:
+            return None  # intervals of so few seeds miss the truth too often
         if not all(isinstance(value, Estimate) and value.has_interval for value in values):
             return None
         first = max(range(len(values)), key=lambda i: values[i].value)
@@ -61,20 +69,18 @@ def method_tables(results: Results, summaries: Sequence[Summary], baseline: str 
     """
     tables = []
     for task, group in groupby(summaries, key=lambda summary: summary.task):
-        tables += _tables_of_task(task, list(group), baseline)
-    *tables, last = tables
-    notes = (*last.notes, *interval_notes(summaries), *cautions(results))
-    return [*tables, Table(last.title, last.columns, last.rows, notes)]
+        tables += _tables_of_task(results, task, list(group), baseline)
+    return tables
 
 
 def interval_notes(summaries: Sequence[Summary]) -> list[str]:
     """What the brackets are, if there are any, and whether there are too few seeds to conclude from them."""
-    sizes = [len(summary.seeds) for summary in summaries]
-    brackets = ["[ ] 95 % bootstrap interval over seeds"] if max(sizes) > 1 else []
-    return [*brackets, *filter(None, [conclusive(min(sizes))])]
+    brackets = "[ ] 95 % bootstrap interval over seeds"
+    sizes = [(", ".join(filter(None, (s.method, s.variant))), len(s.seeds)) for s in summaries]
+    return [brackets] * (max(size for _, size in sizes) > 1) + seed_warnings(sizes)
 
 
-def _tables_of_task(task: str, summaries: list[Summary], baseline: str) -> list[Table]:
+def _tables_of_task(results: Results, task: str, summaries: list[Summary], baseline: str) -> list[Table]:
     layers = sorted({layer for summary in summaries for layer in summary.goals if layer})
     goals = summaries[0].goals
     learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {goals[k]})", 1, contest=True) for k in layers]
@@ -85,20 +91,44 @@ def _tables_of_task(task: str, summaries: list[Summary], baseline: str) -> list[
         Column("area", "success over training", contest=True),
         Column("epochs_to_good", f"epochs to {GOOD_SUCCESS}"),
     ]
-    against = any(summary.better is not None for summary in summaries)
-    if against:
+    if any(summary.better is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    cost = [Column("hours", "hours a run", 1), Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
-    alone = f"not compared: that takes two seeds of {baseline} with the same options"
-    without = () if against or len(summaries) == 1 else (alone,)
+    cost = [Column("hours", "hours a run"), Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
     names = _name_columns(summaries)
     rows = tuple(_row(summary) for summary in summaries)
+    scale, before = scale_of(results.runs[results.runs["task"] == task]), untrained(results, task)
+    brackets = interval_notes(summaries)
+    of_learned = [] if before is None else [f"before training: {before.learned:.1f} of {goals[0]} goals"]
+    of_success = [] if before is None else [f"before training: success {before.success:.2f}"]
     return [
-        Table(f"{task}: learned goals", (*names, *learned), rows),
-        Table(f"{task}: success", (*names, *success), rows, without),
-        Table(f"{task}: cost", (*names, *cost), rows),
+        Table(f"{task}: learned goals", (*names, *learned), rows, (scale, *of_learned, *brackets)),
+        Table(
+            f"{task}: success",
+            (*names, *success),
+            rows,
+            (scale, *of_success, *brackets, *_comparison_notes(summaries, baseline)),
+        ),
+        Table(f"{task}: cost", (*names, *cost), rows, (CLOCK, *cautions(results, task))),
     ]
+
+
+def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
+    """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
+    others = [summary for summary in summaries if summary.method != baseline]
+    notes = []
+    if missing := [summary.method for summary in others if summary.better is None]:
+        which = "" if len(missing) == len(others) else f"{', '.join(dict.fromkeys(missing))} "
+        notes.append(f"{which}not compared: that takes two seeds each, and runs of {baseline} of the same length")
+    of_baseline = [len(summary.seeds) for summary in summaries if summary.method == baseline]
+    sizes = [len(s.seeds) for s in others if s.better is not None and s.better.value in (0, 1)]
+    if sizes and of_baseline:
+        chance = math.comb(min(sizes) + min(of_baseline), min(sizes)) // 2
+        if chance < RARE:
+            notes.append(
+                f"P of 0 or 1 has no interval; with so few seeds, one in {chance} comparisons of equals gives it"
+            )
+    return notes
 
 
 def layer_name(layer: int) -> str:

@@ -22,7 +22,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     Returns:
         A text a run; "" where the others have the same options.
     """
-    flat = [_flatten(run) for run in options]
+    flat = [flatten(run) for run in options]
     found = [""] * len(flat)
     for members in _groups(flat, "task", "method"):
         named = ["preset"] if len({flat[i]["preset"] for i in members}) > 1 else []
@@ -46,7 +46,7 @@ def unlike_options(options: Sequence[Mapping[str, Any]]) -> list[str]:
         One line a task whose methods are compared on unequal terms.
     """
     lines = []
-    flat = [_flatten(run) for run in options]
+    flat = [flatten(run) for run in options]
     for members in _groups(flat, "task"):
         runs = [flat[i] for i in members]
         common = [name for name in _differing(runs) if all(name in run for run in runs)]
@@ -61,10 +61,11 @@ def _is_own(name: str) -> bool:
     return name in _APART or name.startswith(_SETTINGS)
 
 
-def _flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """Nested options by dotted name."""
     flat = {}
     for name, value in options.items():
-        flat |= _flatten(value, f"{path}{name}.") if isinstance(value, dict) else {path + name: value}
+        flat |= flatten(value, f"{path}{name}.") if isinstance(value, dict) else {path + name: value}
     return flat
 
 

@@ -105,6 +105,8 @@ def test_a_file_that_is_not_there(tmp_path):
         (["--tasks", "stack2", "--methods", "sac", "--seeds", "0"], "the grid has no seeds"),
         (["--tasks", "stack2", "--methods", "sac", "--seeds", "-1,2"], "seeds holds -1"),
         (["--tasks", "stack2", "--methods", "sac", "--seeds", "few"], "seeds is 'few'"),
+        (["--tasks", "stack2", "--methods", "sac", "--seeds", "99999999999"], "99999999999 of them, 1000 at most"),
+        (["--tasks", "stack2", "--methods", "sac", "--seeds", "2147483648,"], "seeds holds 2147483648; a seed lies"),
         (["--tasks", "stack2", "--methods", "sac", "--options", "epochs"], "options: 'epochs' has no value"),
         (["--tasks", "stack2", "--methods", "sac", "--options", "epochs=1,epochs=2"], "'epochs' is there twice"),
     ],

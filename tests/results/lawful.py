@@ -43,6 +43,14 @@ def edit_versions(path: Path, **values: Any) -> None:
     (path / "config.json").write_text(json.dumps(record))
 
 
+def lengthen(path: Path, **versions: Any) -> None:
+    """Let config.json say that the run was made longer, by a copy of its own versions that differs in some."""
+    record = read_config(path)
+    again = {"versions": record["versions"] | versions, "command": ["curiobench", "train", "--resume"]}
+    record["lengthened"] = [*record.get("lengthened", []), again]
+    (path / "config.json").write_text(json.dumps(record))
+
+
 def edit_options(path: Path, part: str = "", **values: Any) -> None:
     """Set options in config.json, those of a part of it such as "sac", if it is named."""
     record = read_config(path)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from lawful import edit_rows, edit_versions
+from lawful import edit_rows, edit_versions, lengthen
 
 import curiobench
 from curiobench.cli import main
@@ -144,6 +144,12 @@ def test_refuses_code_that_is_no_commit_unless_told_so(make_runs, out, undrawn):
     edit_versions(runs[1], git_commit=None)
     with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee-dirty; .*mihm-0 is of an unknown"):
         publish(runs, out)
+    edit_versions(runs[0], git_commit="c0ffee")
+    lengthen(runs[0], git_commit="badcafe-dirty")
+    edit_versions(runs[1], git_commit="c0ffee")
+    lengthen(runs[1], git_commit=None)
+    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee badcafe-dirty; .*is of an unknown"):
+        publish(runs, out)
     assert not out.exists()
     publish(runs, out, allow_dirty=True)
     assert len(load(out).runs) == 2
@@ -177,6 +183,12 @@ def test_takes_the_place_of_nothing_else(make_runs, out, undrawn, tmp_path):
         with pytest.raises(ValueError, match=told):
             publish(runs, place)
         assert files(tmp_path) == before
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").write_text("precious")
+    with pytest.raises(ValueError, match="other exists and is no published set"):
+        publish(runs, tmp_path / "other")
+    with pytest.raises(ValueError, match="/ is no place for a published set"):
+        publish(runs, Path("/"))
     with pytest.raises(ValueError, match=r"^cannot write to /dev/null/v1: "):
         publish(runs, Path("/dev/null/v1"))
 

@@ -5,7 +5,7 @@ import shutil
 import sys
 
 import pytest
-from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, rewrite, write_lawful
+from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
 
 from curiobench.cli import main
 from curiobench.results import publish as publish_module
@@ -163,6 +163,11 @@ def set_updates(folder):
         (forget_digests, "digest of a method from outside", f"none of {OUTSIDE} ("),
         (
             lambda f: edit_versions(first(f), git_commit=f"{COMMIT}-dirty"),
+            "unaltered code",
+            "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+        ),
+        (
+            lambda f: lengthen(first(f), git_commit=f"{COMMIT}-dirty"),
             "unaltered code",
             "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
         ),

@@ -6,6 +6,7 @@ import re
 import sys
 
 import pytest
+from lawful import edit_versions, lengthen
 from synthetic import EPISODES, write_grid
 
 from curiobench.cli import main
@@ -61,7 +62,7 @@ def test_known_answers(results):
     # 0 until epoch 1, linear to epoch 2, then constant: 2.5 of 4 epochs
     assert (sac.area.value, mihm.area.value) == pytest.approx((0.25 * 0.625, 2.9 / 3 * 0.625))
     assert (sac.reached, sac.epochs_to, mihm.reached, mihm.epochs_to) == (0, None, 3, 2.0)
-    assert (sac.better, mihm.better, mihm.better_area) == (None, Estimate(1, 1, 1), Estimate(1, 1, 1))
+    assert (sac.better, mihm.better, mihm.better_area) == (None, Estimate(1), Estimate(1))
     assert (mihm.hours, mihm.peak_memory_mb, mihm.machines) == (0.04, 800, ("Test CPU, 2 cores",))
 
 
@@ -116,10 +117,71 @@ def test_bold_only_beyond_doubt():
     assert best(Estimate(3, 2.4, 3.5), Estimate(2, 1, 2.4)) is None  # they touch
     assert best(Estimate(3), Estimate(2, 1, 2.4)) is None  # one seed has no interval
     assert best(Estimate(3, 2, 4)) is None  # nothing to compare with
+    clear = (Estimate(3, 2.5, 3.5), Estimate(2, 1, 2.4))
+    for seeds, found in (((10, 10), 0), ((10, 9), None)):
+        rows = tuple({"x": value, "seeds": n} for value, n in zip(clear, seeds, strict=True))
+        assert Table("", (column,), rows).best(column) == found
     assert (
         Table("", (Column("x", "x"),), ({"x": Estimate(3, 3, 3)}, {"x": Estimate(1, 1, 1)})).best(Column("x", "x"))
         is None
     )
+
+
+def test_bold_of_ten_seeds(make_runs):
+    results = read_results(make_runs(seeds=10, success=known))
+    tables = method_tables(results, summarise(results))
+    assert re.search(r"\x1b\[1m3\.9 \[3\.\d, 4\.0\]", terminal(tables, colour=True))
+    assert re.search(r"\| \*\*3\.9 \\\[3\.\d, 4\.0\\\]\*\* \|", markdown(tables))
+    assert re.search(r"\\textbf\{3\.9 \[3\.\d, 4\.0\]\}", latex(tables))
+    assert not any("too few" in note for table in tables for note in table.notes)
+
+
+def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
+    """Two tasks, unequal seeds: what a table has to say stands under it, and does not hang on another's size."""
+    make_runs(methods=("sac", "mihm"), success=known)
+    make_runs(tasks=("stack3",), methods=("sac",), seeds=2, options={"updates": 7}, success=known)
+    make_runs(tasks=("stack3",), methods=("mihm",), seeds=1, options={"updates": 7}, success=known)
+    results = read_results([tmp_path / "runs"])
+    tables = {table.title: table.notes for table in method_tables(results, summarise(results))}
+    brackets = "[ ] 95 % bootstrap interval over seeds"
+    three = "3 seeds are too few to conclude: intervals of fewer than 10 are much too narrow"
+    assert tables["stack2: learned goals"] == (
+        "gripper, laptop preset: 4 epochs, 4,000 steps a run",
+        "before training: 0.0 of 4 goals",
+        brackets,
+        three,
+    )
+    assert tables["stack2: success"][1:] == (
+        "before training: success 0.00",
+        brackets,
+        three,
+        "P of 0 or 1 has no interval; with so few seeds, one in 10 comparisons of equals gives it",
+    )
+    assert tables["stack3: learned goals"][0] == "gripper, laptop preset with updates=7: 4 epochs, 4,000 steps a run"
+    assert tables["stack3: success"][2:] == (
+        brackets,
+        "mihm: 1 seed: no interval, and nothing to conclude about the method",
+        "sac: 2 seeds are too few to conclude: intervals of fewer than 10 are much too narrow",
+        "not compared: that takes two seeds each, and runs of sac of the same length",
+    )
+
+
+def test_runs_of_another_length_are_not_compared(make_runs, tmp_path):
+    make_runs(methods=("sac", "icm"), success=known)
+    make_runs(methods=("mihm",), epochs=8, success=known)
+    results = read_results([tmp_path / "runs"])
+    summaries = summarise(results)
+    assert [(s.method, s.better is None) for s in summaries] == [("sac", True), ("icm", False), ("mihm", True)]
+    notes = method_tables(results, summaries)[1].notes
+    assert "mihm not compared: that takes two seeds each, and runs of sac of the same length" in notes
+
+
+def test_commits_that_differ_are_named(make_runs, tmp_path):
+    first, *_ = make_runs(methods=("sac",), seeds=2)
+    edit_versions(first, git_commit="abcdef0123")
+    lengthen(first, git_commit="12345678")
+    (line,) = cautions(read_results([tmp_path / "runs"]))
+    assert line == "runs of stack2 were made at 3 commits: abcdef0, 1234567, c0ffee"
 
 
 def test_terminal(results):
@@ -130,7 +192,7 @@ def test_terminal(results):
     assert re.split(r"  +", learned[3].strip()) == ["mihm", "3", "2.0 [2.0, 2.0]", "1.7 [1.0, 2.0]", "3.7 [3.0, 4.0]"]
     assert "3 seeds are too few to conclude" in text
     assert "\x1b" not in text
-    assert "\x1b[1m3.7 [3.0, 4.0]" in terminal(method_tables(results, summarise(results)), colour=True)
+    assert "\x1b[1m3.7" not in terminal(method_tables(results, summarise(results)), colour=True)  # of three seeds
     assert all(len(line) <= 60 for line in terminal(method_tables(results, summarise(results)), width=60).splitlines())
 
 
@@ -140,7 +202,7 @@ def test_markdown(results):
         "| sac | 3 | 1.0 [1.0, 1.0] | 0.0 [0.0, 0.0] | 1.0 [1.0, 1.0] |".replace("[", r"\[").replace("]", r"\]")
         in lines
     )
-    assert any(line.endswith(r"| **3.7 \[3.0, 4.0\]** |") for line in lines)
+    assert any(line.endswith(r"| 3.7 \[3.0, 4.0\] |") for line in lines)
     assert "| --- | ---: | ---: | ---: | ---: |" in lines
 
 
@@ -148,7 +210,7 @@ def test_latex_is_escaped_and_balanced(make_runs):
     paths = make_runs(methods=("sac", "a_b.c:D+hm"), success=known)
     results = read_results(paths)
     text = latex(method_tables(results, summarise(results)))
-    assert r"a\_b.c:D+hm & 3 & \textbf{2.0 [2.0, 2.0]}" in text
+    assert r"a\_b.c:D+hm & 3 & 2.0 [2.0, 2.0]" in text
     assert r"95 \% bootstrap interval" in text
     assert r"P(final \textgreater{} sac)" in text
     for name in ("table", "tabular"):
@@ -204,7 +266,7 @@ def test_tables_like_the_papers(make_runs, tmp_path):
     assert (rows[-2]["learned"], rows[-2]["paper_3"], rows[-2]["paper"]) == ("", "5", "34")
     notes = tables[-1].notes
     assert "not in the paper's tables, so not here: dac+hm" in notes
-    assert "the paper trains 500 epochs, these runs 4" in notes
+    assert "the paper trains 40 M steps, these runs 4,000" in notes
     assert not any("another task" in note for note in notes)
 
 
@@ -282,6 +344,11 @@ def test_command_with_nothing_to_show(cli, make_runs, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--baseline", "icm", "--like", "paper"], "--baseline is for the tables of methods, not for --like paper"),
+        (["--baseline", "icm", "--each-run"], "--baseline is for the tables of methods, not for single runs"),
+        (["--each-run", "--like", "paper"], "--like paper and --each-run are different tables"),
+        (["--out", ""], "--out is empty"),
+        (["--out="], "--out is empty"),
         (["--baseline", "icm"], "no run is of the baseline 'icm'; there are sac, mihm"),
         (["--format", "html"], "invalid choice"),
         (["--out", "/dev/null/x"], "cannot write to /dev/null/x"),
