@@ -17,6 +17,7 @@ from zipfile import BadZipFile
 import torch
 
 from curiobench.files import read_json, replace_file, write_json
+from curiobench.methods.guard import MethodError
 
 FORMAT = "curiobench checkpoint 2"
 KEPT = 2
@@ -92,9 +93,12 @@ def errors_named(folder: Path) -> Iterator[None]:
     try:
         yield
     except _FAULTS as error:
-        first_line = error if isinstance(error, ValueError) else f"{type(error).__name__} {error}".splitlines()[0]
+        told = isinstance(error, ValueError | MethodError)
+        first_line = error if told else f"{type(error).__name__} {error}".splitlines()[0]
         *before, newest = sorted(_numbers(folder))
-        advice = f"; delete it to go back to checkpoint {before[-1]}" if before else ""
+        # where it is the method that raises, the file is as it was written
+        go_back = before and not isinstance(error, MethodError)
+        advice = f"; delete it to go back to checkpoint {before[-1]}" if go_back else ""
         raise CheckpointError(f"cannot use {_manifest_path(folder, newest)}: {first_line}{advice}") from error
 
 

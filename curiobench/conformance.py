@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.conformance_subject import Subject, global_generators, same, seeded_globals, snapshot
+from curiobench.conformance_subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
 from curiobench.findings import Finding
-from curiobench.methods.guard import flaw_of_metrics, flaw_of_state
+from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
 from curiobench.tasks.goals import goal_space
@@ -60,7 +60,7 @@ def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Fi
         return Finding(name, "skip", str(reason))
     except Broken as fault:
         return Finding(name, "FAIL", str(fault))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return Finding(name, "FAIL", f"expected no error, found {summary(error)}")
     return Finding(name, "pass")
 
@@ -91,9 +91,21 @@ def dtype(subject: Subject) -> None:
 
 
 def finite(subject: Subject) -> None:
-    reward = _reward(subject).detach()
-    wrong = reward[~reward.isfinite()]
-    _expect(not len(wrong), "finite numbers", f"{wrong.flatten()[:1].tolist()} among {reward.numel()}")
+    for about, transitions in _hard_batches(subject).items():
+        reward = subject.trained().reward(transitions).detach()
+        wrong = reward[~reward.isfinite()]
+        _expect(not len(wrong), "finite numbers", f"{wrong.flatten()[:1].tolist()} among {reward.numel()}, {about}")
+
+
+def _hard_batches(subject: Subject) -> dict[str, Transitions]:
+    """Batches that training has now and then, by what is odd about them."""
+    plain = subject.transitions(5)
+    rows = {"of which every other is repeated": torch.arange(BATCH) // 2 * 2, "all alike": torch.zeros(BATCH).long()}
+    found = {f"transitions {about}": plain.rows(order) for about, order in rows.items()}
+    ends = [torch.full_like(plain.state, 5.0), torch.full_like(plain.state, -5.0)]
+    found["states at both ends of their range"] = replace(plain, state=ends[0], next_state=ends[1])
+    epochs = {f"in epoch {epoch}": replace(plain, epoch=epoch) for epoch in (0, 500)}
+    return {"noise": plain} | found | epochs
 
 
 def no_gradients(subject: Subject) -> None:
@@ -145,6 +157,16 @@ def agent_untouched(subject: Subject) -> None:
     method.policy_loss_term(transitions, batch.desired_goal, action)
     reached = [weight for weight in (*agent.actor.parameters(), *agent.critics.parameters()) if weight.grad is not None]
     _expect(not reached, "no gradient in the agent's weights", f"one in {len(reached)} of its tensors")
+
+
+def term_in_policy_loss(subject: Subject) -> None:
+    method, view = subject.trained(), subject.view(5)
+    action = view.action.clone().requires_grad_()
+    term = method.policy_loss_term(subject.transitions(5), view.desired_goal, action)
+    if term is None:
+        raise Skipped("it adds none")
+    if flaw := flaw_of_term(term, len(action)) or flaw_of_values(term.detach()):
+        raise Broken(f"found {flaw}")
 
 
 def plain_state(subject: Subject) -> None:
@@ -228,6 +250,7 @@ PROPERTIES: dict[str, Callable[[Subject], None]] = {
     "update returns finite scalars": metrics,
     "batch is left as it is": batch_untouched,
     "no gradient leaks into the agent": agent_untouched,
+    "term in the policy's loss is finite and (B,)": term_in_policy_loss,
     "state holds tensors and plain values": plain_state,
     "state round-trips to the bit": round_trip,
     "deterministic under its generator": deterministic,

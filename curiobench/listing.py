@@ -4,7 +4,7 @@ import numpy as np
 
 from curiobench.config import PRESET_LINES
 from curiobench.methods.registry import available_specs, parse_spec
-from curiobench.methods.specs import ALIASES, HYBRID
+from curiobench.methods.specs import HYBRID
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import TASKS, n_blocks_of
 
@@ -47,6 +47,5 @@ def _method_line(spec: str) -> str:
     if parsed.reward is None:
         return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
     if parsed.hybrid:
-        alias = " (Han et al. 2023)" if spec in ALIASES else ""
-        return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism{alias}"
+        return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism (Han et al. 2023)"
     return f"{parsed.reward.idea} ({parsed.reward.paper})"

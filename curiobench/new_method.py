@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from curiobench import method_template
+from curiobench.methods.guard import TAKEN
 
 
 def write_method(name: str, folder: Path) -> tuple[Path, str]:
@@ -33,6 +34,8 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
         with open(path, "x") as file:
             file.write(text)
     except FileExistsError:
+        if not folder.is_dir():
+            raise ValueError(f"cannot write {path}: {folder} is no folder") from None
         raise ValueError(f"{path} exists; it is left as it is") from None
     except OSError as error:
         raise ValueError(f"cannot write {path}: {error.strerror}") from None
@@ -43,6 +46,8 @@ def _check_name(name: str, class_name: str) -> None:
     for word in (name, class_name):
         if not (word.isidentifier() and word.isascii()) or keyword.iskeyword(word):
             raise ValueError(f"{name!r} cannot name a method: expected letters, digits and _, such as my_method")
+    if f"{name}_loss" in TAKEN:
+        raise ValueError(f"{name!r} cannot name a method: {name}_loss is a metric of the agent's own")
 
 
 def _is_taken(name: str) -> bool:

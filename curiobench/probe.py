@@ -147,7 +147,7 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
     seen = what_method_sees(run.agent, together, run.epoch if run.asked_as_of is None else run.asked_as_of)
     rest = torch.arange(n, n + size)
-    batches = (_rows(seen, torch.cat([torch.tensor([i]), rest])) for i in range(n))
+    batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
     return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])
 
 
@@ -167,15 +167,6 @@ def _view(agent: SAC, inputs: PairInputs, batch: StaticBatch) -> PolicyView:
         distribution = tuple(part[EXPLORE] for part in distribution)
     noise = torch.randn(batch.action.shape, generator=torch.Generator().manual_seed(0))
     return view_policy(distribution, squashed_gaussian(*distribution, noise), batch.action, batch.desired_goal[0])
-
-
-def _rows(transitions: Transitions, rows: torch.Tensor) -> Transitions:
-    """Some transitions of a batch."""
-    policy = transitions.policy
-    if policy is not None:
-        policy = PolicyView(*(getattr(policy, field.name)[rows] for field in fields(PolicyView)))
-    states = transitions.state[rows], transitions.action[rows], transitions.next_state[rows]
-    return Transitions(*states, transitions.epoch, policy)
 
 
 def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:

@@ -199,9 +199,8 @@ def _lock(path: Path) -> io.TextIOWrapper:
 def read_record(path: Path) -> dict[str, Any]:
     """What config.json of a run folder holds; raises ValueError where there is none or it is not a run's."""
     if not (path / "config.json").exists():
-        raise ValueError(
-            f"{path} is no run folder: {'it has no config.json' if path.is_dir() else 'it does not exist'}"
-        )
+        why = "it has no config.json" if path.is_dir() else "it is no folder" if path.exists() else "it does not exist"
+        raise ValueError(f"{path} is no run folder: {why}")
     record = read_json(path / "config.json")
     if record.get("format") != FORMAT:
         raise ValueError(f"{path / 'config.json'} is not a run's: its format is {record.get('format')!r}")

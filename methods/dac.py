@@ -47,7 +47,7 @@ class DACConfig:
     """Settings of DAC."""
 
     alpha: float = 0.5
-    """Share of the policy in the mixture, in (0, 1); the paper's where it is fixed."""
+    """Share of the policy in the mixture, in (0, 1); the paper's where it is fixed. Not used with adapt_alpha."""
     adapt_alpha: bool = False
     """Learn alpha(s) in (0.5, 0.99) in place of the fixed one."""
     control: float = 2.0
@@ -61,6 +61,8 @@ class DACConfig:
         check_positive(self, "hidden", "learning_rate")
         if not 0 < self.alpha < 1:
             raise ValueError(f"alpha is {self.alpha}; a share lies in (0, 1), without its ends")
+        if not math.isfinite(self.control):
+            raise ValueError(f"control is {self.control}; it must be finite")
 
 
 class DAC(LearnedReward):

@@ -5,7 +5,7 @@ method, its file and the update. The looks at shapes and types are free; those a
 on CUDA, where they would make the device wait, they are made every CUDA_CHECK_EVERY updates.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,6 +17,18 @@ from curiobench.methods.reward import IntrinsicReward, Transitions
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
+TAKEN = frozenset(
+    (
+        "epoch", "steps", "updates", "episodes", "diverged", "training_success", "training_success_unsatisfied",
+        "goals_reached", "goals_learned", "success", "seconds", "seconds_collecting", "seconds_sampling",
+        "seconds_updating", "seconds_evaluating", "seconds_checkpointing",
+        "reward", "critic_loss", "q", "target_q", "policy_loss", "entropy", "temperature", "temperature_loss",
+        "intrinsic_raw", "intrinsic_normalised",
+        "explorer_policy_loss", "explorer_entropy", "explorer_temperature", "explorer_temperature_loss",
+        "q_int_loss", "q_int_popart", "q_int_zscore", "popart_mean", "popart_scale", "share_exploitation",
+    )
+)  # fmt: skip
+"""Columns of progress.csv that are a run's or an agent's own: a method's metrics have other names."""
 
 
 class NonFiniteError(FloatingPointError):
@@ -32,7 +44,7 @@ def blamed(method: IntrinsicReward, call: str, update: int) -> Iterator[None]:
     """Turn whatever a method's function `call` raises into a MethodError."""
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _fault(method, update, f"{call}() raised {summary(error)}") from error
 
 
@@ -48,14 +60,19 @@ def reward_of(method: IntrinsicReward, transitions: Transitions, update: int) ->
     return reward
 
 
-def update_of(method: IntrinsicReward, transitions: Transitions, update: int) -> dict[str, Tensor]:
-    """A method's own step; its metrics. Raises MethodError unless they are scalar tensors, and the losses finite."""
+def update_of(
+    method: IntrinsicReward, transitions: Transitions, update: int, before: Collection[str] | None = None
+) -> dict[str, Tensor]:
+    """A method's own step; its metrics. Raises MethodError unless they are finite scalar tensors of legal names.
+
+    `before` names the metrics of the update before, which must be the same: progress.csv has one set of columns.
+    """
     with blamed(method, "update", update), torch.enable_grad():
         metrics = method.update(transitions)
-    if found := flaw_of_metrics(metrics):
+    if found := flaw_of_metrics(metrics, before):
         raise _fault(method, update, f"update() returned {found}")
     for name, value in metrics.items():
-        if name.endswith("_loss") and _looks_at_values(value, update) and not value.isfinite():
+        if _looks_at_values(value, update) and not value.isfinite():
             raise _fault(method, update, f"update() returned {name} = {value.item()}; expected a finite number")
     return metrics
 
@@ -63,12 +80,19 @@ def update_of(method: IntrinsicReward, transitions: Transitions, update: int) ->
 def policy_term_of(
     method: IntrinsicReward, transitions: Transitions, desired_goal: Tensor, action: Tensor, update: int
 ) -> Tensor | None:
-    """The method's term (B,) in the policy's loss. Raises MethodError on another shape, which would be broadcast."""
+    """The method's term (B,) in the policy's loss.
+
+    Raises MethodError on another shape, which would be broadcast, another type, and values that are not finite.
+    """
     with blamed(method, "policy_loss_term", update):
         term = method.policy_loss_term(transitions, desired_goal, action)
-    wanted = action.shape[:1]
-    if term is not None and (not isinstance(term, Tensor) or term.shape != wanted):
-        raise _fault(method, update, f"policy_loss_term() returned {_outline(term)}; expected shape {tuple(wanted)}")
+    if term is None:
+        return None
+    found = flaw_of_term(term, len(action))
+    if not found and _looks_at_values(term, update):
+        found = flaw_of_values(term.detach())
+    if found:
+        raise _fault(method, update, f"policy_loss_term() returned {found}")
     return term
 
 
@@ -92,19 +116,36 @@ def flaw_of_reward(reward: object, size: int) -> str | None:
     return None
 
 
-def flaw_of_values(reward: Tensor) -> str | None:
-    """How many rewards (B,) are NaN or infinite; None if all are finite. Waits for the device."""
-    finite = reward.isfinite()
+def flaw_of_values(numbers: Tensor) -> str | None:
+    """How many numbers (B,) are NaN or infinite; None if all are finite. Waits for the device."""
+    finite = numbers.isfinite()
     if finite.all():
         return None
-    wrong = reward[~finite]
-    return f"{wrong[0].item()} in {len(wrong)} of {len(reward)} transitions; expected finite numbers"
+    wrong = numbers[~finite]
+    return f"{wrong[0].item()} in {len(wrong)} of {len(numbers)} transitions; expected finite numbers"
 
 
-def flaw_of_metrics(metrics: object) -> str | None:
-    """What is wrong with the form of the metrics of an update, and what was expected; None if nothing is."""
+def flaw_of_term(term: object, size: int) -> str | None:
+    """What is wrong with the form of a term in the policy's loss of `size` transitions; None if nothing is."""
+    if not isinstance(term, Tensor) or term.shape != (size,) or term.dtype != torch.float32:
+        return f"{_outline(term)}; expected a torch.float32 tensor of shape {(size,)}"
+    return None
+
+
+def flaw_of_metrics(metrics: object, before: Collection[str] | None = None) -> str | None:
+    """What is wrong with the form of the metrics of an update, and what was expected; None if nothing is.
+
+    `before` names those of the update before.
+    """
     if not isinstance(metrics, dict):
         return f"{_outline(metrics)}; expected a dict of metrics"
+    if odd := [name for name in metrics if not isinstance(name, str)]:
+        return f"a metric named {odd[0]!r}; expected text"
+    if taken := sorted(metrics.keys() & TAKEN):
+        return f"the metric {taken[0]}, which is the agent's own; expected another name, such as my_{taken[0]}"
+    if before is not None and metrics.keys() != set(before):
+        odd = min(metrics.keys() ^ set(before))
+        return f"{'a' if odd in metrics else 'no'} metric {odd}, unlike the update before; expected the same each time"
     for name, value in metrics.items():
         if not isinstance(value, Tensor) or value.shape != () or value.requires_grad:
             return f"{name} = {_outline(value)}; expected a scalar tensor without gradients"

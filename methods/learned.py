@@ -49,10 +49,10 @@ def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
 
 
 def check_positive(config: Any, *names: str) -> None:
-    """Raise ValueError, with name and value, unless these fields of a config are above 0."""
+    """Raise ValueError, with name and value, unless these fields of a config are finite and above 0."""
     for name in names:
-        if not getattr(config, name) > 0:
-            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive")
+        if not 0 < getattr(config, name) < math.inf:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
 
 
 class LearnedReward(IntrinsicReward):

@@ -10,9 +10,9 @@ estimated apart and added with weights of their own:
     loss   = - mean over the batch of log D_G(s' | s, a)                                    (maximum likelihood)
 
 A transition scores high if few other states are like where it led, and if that is where the model expected it to
-lead. A block that falls is as rare as one that is lifted, but its landing is not predicted as well. lambda is 0 in
-epoch 0, so that the agent first explores. sigma_H and sigma_C are running standard deviations of the r_H and r_C of
-past batches.
+lead. The paper's argument: a block that falls is as rare as one that is lifted, but its landing is not predicted as
+well. (docs/probes.md measures whether that is so.) lambda is 0 in epoch 0, so that the agent first explores. sigma_H
+and sigma_C are running standard deviations of the r_H and r_C of past batches.
 
 What the paper leaves open, and what we chose:
 
@@ -25,6 +25,7 @@ What the paper leaves open, and what we chose:
   clipped: at a clipped bound the gradient vanishes, and a model that became too sure could not recover.
 - The mean is s' itself, not a change added to s: that would be sharp from the start for whatever stands still, also
   where the model has never been.
+- sigma_C in lambda is at least LEAST_SPREAD.
 - The "reparameterisation trick" that the paper mentions is not needed: nothing is sampled.
 - The paper's list of settings calls xi "gamma" once.
 """
@@ -40,6 +41,10 @@ from curiobench.methods.learned import LearnedReward, adam, check_positive, desc
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
+
+LEAST_SPREAD = 0.1
+"""Lower bound of sigma_C in lambda, in nats. While D_G is still flat, r_C is 0 everywhere and sigma_C too: the first
+state that it predicts would be worth thousands of others. A trained one has tens."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +70,13 @@ class MIConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "m", "hidden", "learning_rate")
-        for name, legal in (("xi", 0 < self.xi < 1), ("beta", 0 <= self.beta <= 1)):
-            if not legal:
-                raise ValueError(f"{name} is {getattr(self, name)}; see its help for the legal range")
-        if not self.min_log_std < self.max_log_std:
-            raise ValueError(f"min_log_std is {self.min_log_std}; it must be below max_log_std, {self.max_log_std}")
+        if not 0 < self.xi < 1:
+            raise ValueError(f"xi is {self.xi}; it must lie in (0, 1), without its ends")
+        if not 0 <= self.beta <= 1:
+            raise ValueError(f"beta is {self.beta}; it must lie in [0, 1]")
+        if not -math.inf < self.min_log_std < self.max_log_std < math.inf:
+            ends = f"min_log_std is {self.min_log_std} and max_log_std {self.max_log_std}"
+            raise ValueError(f"{ends}; they must be finite, and the first below the second")
 
 
 class MI(LearnedReward):
@@ -111,7 +118,8 @@ class MI(LearnedReward):
     def weight(self, epoch: int) -> Tensor:
         """lambda () in this epoch, from the statistics of past batches."""
         of_curiosity, of_conservativeness = self.moments.std
-        return min(1 - self.config.xi**epoch, self.config.beta) * of_curiosity / of_conservativeness
+        share = min(1 - self.config.xi**epoch, self.config.beta)
+        return share * of_curiosity / of_conservativeness.clamp(min=LEAST_SPREAD)
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:

@@ -64,7 +64,10 @@ def load_class(path: str, spec: str) -> type[IntrinsicReward]:
         sys.path.append(os.getcwd())
     module = _import(module_name, spec)
     where = f"method {spec!r} in {getattr(module, '__file__', None) or module_name}"
-    found = getattr(module, class_name, None)
+    try:
+        found = getattr(module, class_name, None)
+    except (Exception, SystemExit) as error:  # a module can compute its names
+        raise ValueError(f"{where}: looking for {class_name} raised {summary(error)}") from error
     if found is None:
         methods = [name for name, value in vars(module).items() if _is_method(value)]
         raise ValueError(f"{where}: there is no class {class_name!r}; its methods are {', '.join(methods) or 'none'}")

@@ -72,6 +72,12 @@ class Transitions:
     policy: PolicyView | None = None
     """Only for a method with `uses_policy`, which then sees goals."""
 
+    def rows(self, places: Tensor) -> "Transitions":
+        """Those at places (N,) of the batch."""
+        states = (part[places] for part in (self.state, self.action, self.next_state))
+        view = self.policy and PolicyView(**{name: part[places] for name, part in vars(self.policy).items()})
+        return Transitions(*states, self.epoch, view)
+
 
 class IntrinsicReward(ABC):
     """One curiosity method. Subclasses take `(state_size, action_size, config, generator)`, `config` being an instance

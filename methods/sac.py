@@ -21,7 +21,15 @@ import torch
 from torch import Tensor, nn
 
 from curiobench.methods.capture import CapturedStep, StaticBatch
-from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError, policy_term_of, reward_of, state_of, update_of
+from curiobench.methods.guard import (
+    CUDA_CHECK_EVERY,
+    NonFiniteError,
+    blamed,
+    policy_term_of,
+    reward_of,
+    state_of,
+    update_of,
+)
 from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import (
@@ -68,6 +76,7 @@ class SAC:
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
         self.updates = 0
         self._static: StaticBatch | None = None
+        self._learned: tuple[str, ...] | None = None  # names of the curiosity method's metrics
 
     def _train(self, weights: list[nn.Parameter]) -> None:
         """Set up Adam for these weights and, if it is tuned, the temperature."""
@@ -176,7 +185,8 @@ class SAC:
         raw = reward_of(method, transitions, self.updates)
         normalised = self.reward_moments.normalise(raw)
         self.reward_moments.update(raw)
-        learned = update_of(method, transitions, self.updates)
+        learned = update_of(method, transitions, self.updates, self._learned)
+        self._learned = tuple(learned)
         return raw, normalised, {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
 
     @torch.no_grad()
@@ -242,7 +252,8 @@ class SAC:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore what `state_dict` gave, in an agent of the same layout, config and method.
 
-        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent.
+        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent, MethodError where the
+        curiosity method does not take its own.
         """
         if (state["intrinsic"] is None) != (self.intrinsic is None):
             raise ValueError("the saved agent and this one do not have the same curiosity method")
@@ -253,4 +264,5 @@ class SAC:
         self.generator.set_state(state["generator"])
         self.log_alpha.data.copy_(state["log_alpha"])
         if self.intrinsic is not None:
-            self.intrinsic.load_state_dict(state["intrinsic"])
+            with blamed(self.intrinsic, "load_state_dict", self.updates):
+                self.intrinsic.load_state_dict(state["intrinsic"])

@@ -1,5 +1,6 @@
 """Settings of the agent and of the hybrid policy mechanism. Needs no torch, so that `train --help` is quick."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -38,12 +39,16 @@ class SACConfig:
     """Weight of curiosity: of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
 
     def __post_init__(self) -> None:
-        for name, legal in (("gamma", 0 <= self.gamma < 1), ("polyak", 0 < self.polyak <= 1), ("tau", self.tau >= 0)):
+        for name, legal, range_ in (
+            ("gamma", 0 <= self.gamma < 1, "in [0, 1)"),
+            ("polyak", 0 < self.polyak <= 1, "in (0, 1]"),
+            ("tau", 0 <= self.tau < math.inf, "at least 0 and finite"),
+        ):
             if not legal:
-                raise ValueError(f"{name} is {getattr(self, name)}; see its help for the legal range")
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be {range_}")
         for name in ("learning_rate", "target_every", "temperature", "hidden"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive and finite")
 
 
 @dataclass(frozen=True)

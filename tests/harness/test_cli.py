@@ -1,4 +1,4 @@
-"""The command line as a user meets it: exit codes, one line an error, quick help."""
+"""The command line as a user meets it: exit codes, one line an error, help without heavy imports."""
 
 import os
 import re
@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+from curiobench.methods.registry import REWARDS
+
 
 def run(*arguments):
     """Exit code, stdout and stderr of a command in a process of its own."""
@@ -18,16 +20,14 @@ def run(*arguments):
 
 
 @pytest.mark.parametrize("command", ["", "train", "grid", "table", "report"])
-def test_help_is_quick_and_imports_neither_torch_nor_mujoco(command):
+def test_help_imports_neither_torch_nor_mujoco(command):
     arguments = ["curiobench", *command.split(), "--help"]
     program = (
         f"import sys; from curiobench.cli import main; sys.argv = {arguments}\n"
         "try: main()\nexcept SystemExit as e: code = e.code\n"
         "print(code, sorted({'torch', 'mujoco', 'matplotlib', 'pandas'} & set(sys.modules)))"
     )
-    started = time.monotonic()
     output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert time.monotonic() - started < 3  # 0.2 to 0.4 s on a quiet machine
     assert output.endswith("0 []\n")
     assert "usage: curiobench" in output
 
@@ -61,6 +61,12 @@ def test_list_shows_all_that_can_be_trained(cli):
     assert code == 0
     for word in ("stack2", "35 goals", "gripper", "sac", "paper", "laptop", "smoke"):
         assert word in out
+    lines = dict(line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  "))
+    for name, method in REWARDS.items():
+        assert lines[name] == f"{method.idea} ({method.paper})"
+        assert lines[f"{name}+hm"] == f"{name} under the hybrid policy mechanism (Han et al. 2023)"
+    assert lines["mihm"] == lines["mi+hm"]
+    assert "(Haarnoja et al. 2018)" in lines["sac"]
 
 
 @pytest.mark.parametrize(

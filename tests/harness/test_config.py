@@ -130,6 +130,13 @@ def test_the_short_preset_is_the_first_half_of_laptop():
         ("--out x --sac.pairs both", "both.*symmetric"),
         ("--out x --preset big", "unknown preset 'big'"),
         ("--out x --resume False", "False"),
+        ("--out x --sac.layer-norm False", "False"),
+        ("--out x --method dac --method.adapt-alpha False", "False"),
+        ("--out x --sac.tau inf", "tau is inf; it must be at least 0 and finite"),
+        ("--out x --method icm --method.learning-rate inf", "learning_rate is inf; it must be positive and finite"),
+        ("--out x --method mi --method.xi 1", r"xi is 1.0; it must lie in \(0, 1\)"),
+        ("--out x --method dac --method.control nan", "control is nan; it must be finite"),
+        ("--out x --seed 4294967296", "seed is 4294967296; it must be at most 2147483647"),
     ],
 )
 def test_arguments_that_are_not_understood_take_one_line(arguments, message):

@@ -1,6 +1,7 @@
 """`curiobench check`: built-in methods keep every rule, and one that breaks a rule fails that line and no other."""
 
 import random
+import re
 
 import numpy as np
 import pytest
@@ -32,7 +33,8 @@ def test_built_in_methods_pass(spec):
     findings = examine(REWARDS[spec])
     verdicts = {finding.property: finding.verdict for finding in findings[:-1]}
     skipped = {name for name, verdict in verdicts.items() if verdict != "pass"}
-    assert skipped == ({"unchanged when the goal is relabelled"} if spec == "dac" else set())
+    term = "term in the policy's loss is finite and (B,)"
+    assert skipped == ({"unchanged when the goal is relabelled"} if spec == "dac" else {term})
     assert findings[-1].property == COST
     assert findings[-1].verdict in ("pass", "warn")
 
@@ -139,6 +141,19 @@ class TwoBlocksOnly(NewMethod):
         return super().reward(transitions) + 0 * transitions.state @ torch.ones(40)
 
 
+class Endless(NewMethod):
+    def policy_loss_term(self, transitions, desired_goal, action):
+        return action.sum(1) * torch.inf
+
+
+class LogOfNearest(NewMethod):
+    """Fails on batches in which a state is there twice, which noise never shows."""
+
+    def reward(self, transitions):
+        distances = torch.cdist(transitions.next_state, transitions.next_state) + torch.eye(len(transitions.state)) * 99
+        return distances.min(1).values.log()
+
+
 SEEDS = iter(range(10**6))
 HOOKS = []
 
@@ -154,6 +169,7 @@ HOOKS = []
         (Graph, "update returns finite scalars", "graph = a torch.float32 tensor of shape () that carries gradients"),
         (InPlace, "batch is left as it is", "found altered in place: state"),
         (Leaking, "no gradient leaks into the agent", "expected no gradient in the agent's weights, found one in"),
+        (Endless, "term in the policy's loss is finite and (B,)", "inf in 64 of 64 transitions"),
         (HoldingASet, "state holds tensors and plain values", "state['visited'] = a set"),
         (Forgetful, "state round-trips to the bit", "expected training to continue to the bit"),
         (OwnSeed, "deterministic under its generator", "expected equal numbers from generators with equal seeds"),
@@ -171,6 +187,11 @@ def test_a_method_that_breaks_a_rule_fails_that_line_alone(method, broken, messa
             HOOKS.pop().remove()
     assert found.keys() == {broken}
     assert message in found[broken]
+
+
+def test_repeated_transitions_are_tried():
+    message = failures(LogOfNearest)["reward is finite"]
+    assert re.search(r"found \[-inf\] among 64, transitions of which every other is repeated", message)
 
 
 def test_every_rule_has_a_method_that_breaks_it():

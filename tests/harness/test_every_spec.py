@@ -9,6 +9,7 @@ from tiny_runs import TINY, numbers
 
 from curiobench import training_state
 from curiobench.errors import Interrupted
+from curiobench.methods.guard import TAKEN
 from curiobench.methods.registry import available_specs
 from curiobench.methods.specs import ALIASES
 from curiobench.saved_agent import load_agent
@@ -40,6 +41,8 @@ def test_trains_three_hundred_updates_twice_alike_and_resumes_alike(tmp_path, mo
         train(config, tmp_path / "stopped")
     train(config, tmp_path / "stopped", resume=True)
     rows, evaluations = numbers(tmp_path / "once")
+    own = {name for name in rows[0] if not name.startswith(f"{spec.partition('+')[0]}_")}
+    assert own <= TAKEN  # which no method from outside may use for its metrics
     assert int(rows[-1]["updates"]) == UPDATES
     assert (rows, evaluations) == numbers(tmp_path / "stopped")
     assert load_agent(tmp_path / "stopped")[0] == config

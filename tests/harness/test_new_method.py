@@ -62,8 +62,9 @@ def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
         ("../escape", r"'\.\./escape' cannot name a method: expected letters, digits and _"),
         ("2fast", r"'2fast' cannot name a method"),
         ("class", r"'class' cannot name a method"),
+        ("policy", r"'policy' cannot name a method: policy_loss is a metric of the agent's own"),
         ("__", r"'__' cannot name a method"),
-        ("", r"'' cannot name a method"),
+        ("", "an argument is empty"),
         ("difflib", r"another module that is called 'difflib'"),
     ],
 )
@@ -91,7 +92,7 @@ def test_a_check_that_fails_has_exit_code_1(cli, tmp_path):
         "class Wide(RND):\n    def reward(self, transitions): return super().reward(transitions)[:, None]\n"
     )
     code, out, err = cli("check", "wide:Wide")
-    assert (code, err) == (1, "curiobench: wide:Wide fails 1 of 17 properties\n")
+    assert (code, err) == (1, "curiobench: wide:Wide fails 1 of 18 properties\n")
     assert "FAIL  reward has shape (B,): expected (64,), found (64, 1)\n" in out
     assert cli("check", "sac")[::2] == (2, "curiobench: sac has no curiosity method to check\n")
     assert cli("check", "rmd")[0] == 2

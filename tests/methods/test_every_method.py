@@ -15,7 +15,7 @@ from test_sac import random_batch, same_state
 
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.sac import SAC
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.settings import HybridConfig, SACConfig
 
 every_method = pytest.mark.parametrize("spec", REWARDS)
 
@@ -166,11 +166,21 @@ def test_every_field_has_its_docstring():
         assert source.count('"""') == 2 * (1 + len(fields(cls.Config)))
 
 
+PAGES = Path(__file__).parents[2] / "docs" / "methods"
+SETTING = re.compile(r"^\| `(\w+)` \| ([^|]+) \| [^|]+ \|$", re.MULTILINE)
+
+
+@pytest.mark.parametrize(("name", "config"), [("sac", SACConfig), ("hm", HybridConfig)])
+def test_pages_of_agent_and_mechanism_give_the_defaults(name, config):
+    settings = dict(SETTING.findall((PAGES / f"{name}.md").read_text()))
+    assert settings == {field.name: str(field.default) for field in fields(config)}
+
+
 @every_method
 def test_page_gives_the_defaults_and_the_logged_names(spec):
     """The tables of docs/methods cannot fall behind the code."""
-    page = (Path(__file__).parents[2] / "docs" / "methods" / f"{spec}.md").read_text()
-    settings = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \| [^|]+ \|$", page, re.MULTILINE))
+    page = (PAGES / f"{spec}.md").read_text()
+    settings = dict(SETTING.findall(page))
     assert settings == {field.name: str(field.default) for field in fields(REWARDS[spec].Config)}
     logged = set(re.findall(rf"^\| `({spec}_\w+)` \| [^|]+ \|$", page, re.MULTILINE))
     adapted = {"adapt_alpha": True} if spec == "dac" else {}

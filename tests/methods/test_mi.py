@@ -96,6 +96,19 @@ def test_weight_starts_at_zero_and_rises_to_its_cap():
     torch.testing.assert_close(method.reward(batch), method.curiosity(batch))
 
 
+def test_a_density_that_is_still_flat_makes_no_transition_priceless():
+    """r_C of 40 dimensions is 0 to float precision at first, and so is its spread: nothing to divide by."""
+
+    def largest_weight(cls: type[MI]) -> float:
+        method = fresh(cls, sizes=(40, 2))
+        noise = np.random.default_rng(0).normal(size=(3, 64, 40))
+        batch = transitions_of(noise[0], noise[1, :, :2], noise[2], epoch=CAP_EPOCH)
+        return max(method.update(batch)["mi_weight"].item() for _ in range(3))
+
+    assert largest_weight(MI) < 5
+    assert largest_weight(mutated(MI, "of_conservativeness.clamp(min=LEAST_SPREAD)", "of_conservativeness")) > 1000
+
+
 def test_evaluating_rewards_changes_no_statistics_and_the_mistaken_copy_does():
     def changes(cls: type[MI]) -> bool:
         method = fresh(cls)

@@ -116,6 +116,11 @@ CONFIG = "@dataclass(frozen=True)\nclass C:\n    "
             "outside:Mine",
             r"outside\.py: Mine\.Config is None; expected a dataclass with fro",
         ),
+        (
+            MINE + "def __getattr__(name): raise OSError('no weights here')",
+            "outside:Lazy",
+            r"outside\.py: looking for Lazy raised OSError: no weights here",
+        ),
         (MINE + f"{CONFIG}k: int\nMine.Config = C", "outside:Mine", r"Mine\.Config cannot be made from its defaults"),
         (MINE + f"{CONFIG}k: tuple = ()\nMine.Config = C", "outside:Mine", r"Mine\.Config\.k is a <class 'tuple'>"),
     ],
@@ -167,13 +172,32 @@ def ones(*shape: int, **options) -> torch.Tensor:
         ("update", lambda *_: {}["a"], r"update\(\) raised KeyError: 'a'"),
         (
             "update",
-            lambda *_: {"a_loss": ones() * np.nan},
-            r"update\(\) returned a_loss = nan; expected a finite number",
+            lambda *_: {"rnd_loss": ones() * np.nan},
+            r"update\(\) returned rnd_loss = nan; expected a finite number",
         ),
-        ("update", lambda *_: {"a": 1.0}, r"update\(\) returned a = a float; expected a scalar tensor"),
-        ("update", lambda *_: {"a": ones(requires_grad=True)}, r"update\(\) returned a = .* carries gradients; "),
+        ("update", lambda *_: {"rnd_loss": 1.0}, r"update\(\) returned rnd_loss = a float; expected a scalar tensor"),
+        (
+            "update",
+            lambda *_: {"rnd_loss": ones(requires_grad=True)},
+            r"update\(\) returned rnd_loss = .* carries gradients; ",
+        ),
         ("update", lambda *_: None, r"update\(\) returned a NoneType; expected a dict of metrics"),
-        ("policy_loss_term", lambda *_: ones(8, 1), r"policy_loss_term\(\) returned .*; expected shape \(8,\)"),
+        ("update", lambda *_: {0: ones()}, r"update\(\) returned a metric named 0; expected text"),
+        ("update", lambda *_: {"q": ones()}, r"update\(\) returned the metric q, which is the agent's own; .* my_q"),
+        ("update", lambda *_: {}, r"update\(\) returned no metric rnd_loss, unlike the update before"),
+        (
+            "update",
+            lambda *_: {"rnd_loss": ones(), "seen": ones()},
+            r"update\(\) returned a metric seen, unlike the update before; expected the same each time",
+        ),
+        ("update", lambda *_: sys.exit("bye"), r"update\(\) raised SystemExit: bye"),
+        ("policy_loss_term", lambda *_: ones(8, 1), r"policy_loss_term\(\) returned .*; expected .* of shape \(8,\)"),
+        (
+            "policy_loss_term",
+            lambda *_: ones(8).double(),
+            r"policy_loss_term\(\) returned .*; expected .*float32",
+        ),
+        ("policy_loss_term", lambda *_: ones(8) * np.nan, r"policy_loss_term\(\) returned nan in 8 of 8 transitions"),
         ("policy_loss_term", lambda *_: {}["a"], r"policy_loss_term\(\) raised KeyError: 'a'"),
     ],
 )
@@ -187,6 +211,16 @@ def test_a_fault_in_training_names_method_file_and_update_and_spares_the_agent(s
         agent.update(batch)
     after = agent.state_dict()
     assert all(same_state(after[part], before[part]) for part in ("actor", "critics", "target_critics", "optimiser"))
+
+
+def test_a_method_that_does_not_take_its_state_back_is_named():
+    agent = make_agent("rnd", SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
+    state = agent.state_dict()
+    agent.intrinsic = faulty("load_state_dict", lambda self, state: state["old"])
+    with pytest.raises(
+        MethodError, match=r"method test_plugins:Faulty in .*: load_state_dict\(\) raised KeyError: 'old'"
+    ):
+        agent.load_state_dict(state)
 
 
 def test_a_state_that_no_checkpoint_gives_back_is_refused_when_it_is_saved():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 import torch
+from curiosity import mutated
 from layouts import SMALL, layout_of
 
 from curiobench.methods.networks import PairLayout
@@ -190,9 +191,11 @@ def test_target_critics_move_every_second_update():
         torch.testing.assert_close(new, 0.75 * old + 0.25 * source)
 
 
-def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_method_learns():
+def check_intrinsic_reward(cls: type[SAC]) -> None:
+    """r_int is added as a z-score by its past, as it was before the method learned from the batch, and as it is."""
     method = Counting(0, 0, Counting.Config(), None)
-    agent, rng = agent_of(intrinsic=method, tau=0.5), np.random.default_rng(0)
+    agent = cls(SMALL, SACConfig(hidden=16, tau=0.5), torch.Generator().manual_seed(0), method)
+    rng = np.random.default_rng(0)
     first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
     agent.update(first, epoch=3)
     past = agent.reward_moments.state_dict()
@@ -203,6 +206,32 @@ def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_m
     torch.testing.assert_close(agent._static.reward, (second.reward + 0.5 * z.clamp(-5, 5)).float())
     assert metrics["counted"] == 2
     assert metrics["intrinsic_raw"].item() == pytest.approx(raw.mean().item())
+
+
+def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_method_learns():
+    check_intrinsic_reward(SAC)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        # a filter over what is stepped or sampled together, instead of over time
+        ("self.reward_moments.normalise(raw)", "(raw - raw.mean()) / raw.std(correction=0)"),
+        # the sum that some filters keep to find their scale, returned in place of the reward
+        (
+            "raw = reward_of(method, transitions, self.updates)",
+            "raw = self.sum_ = reward_of(method, transitions, self.updates) + 0.95 * getattr(self, 'sum_', 0)",
+        ),
+        # normalised by statistics that already hold the batch
+        (
+            "normalised = self.reward_moments.normalise(raw)",
+            "self.reward_moments.update(raw); normalised = self.reward_moments.normalise(raw)",
+        ),
+    ],
+)
+def test_mistaken_reward_filters_are_found(old: str, new: str):
+    with pytest.raises(AssertionError):
+        check_intrinsic_reward(mutated(SAC, old, new))
 
 
 def test_relabelling_does_not_change_what_a_method_sees():
