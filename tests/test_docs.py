@@ -36,5 +36,5 @@ def test_results_in_the_readme_are_those_of_the_published_set():
     published = (ROOT / "results" / "v1" / "tables" / "table.md").read_text().splitlines()
     _, _, rest = (ROOT / "README.md").read_text().partition("<!-- from results/v1/tables/table.md -->\n")
     rows = [line for line in rest.partition("<!-- end -->")[0].splitlines() if line.startswith("|")]
-    assert len(rows) > 2
-    assert [row for row in rows if row not in published] == []
+    until_cost = published[: next(i for i, line in enumerate(published) if line.endswith(": cost**"))]
+    assert rows == [line for line in until_cost if line.startswith("|")]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PAGE = 30
 """Methods in one figure."""
-SEED_GAP = 0.09
+SEED_GAP = 0.08
 """Between the dots of equal seeds, in rows."""
 
 
@@ -76,7 +76,7 @@ def _dots(axes: "Axes", samples: Sequence[Sample], summary: Summary) -> None:
         if sample.n_seeds > 1:
             axes.hlines(row, *curve_interval(values), color=look["color"], linewidth=1.6)
         axes.plot([values.mean()], [row], **look, markersize=5, zorder=3)
-        below = row + 0.26 + SEED_GAP * _places_among_equals(values)
+        below = row + 0.3 + SEED_GAP * _places_among_equals(values)
         axes.plot(values, below, "o", color=look["color"], alpha=0.8, markersize=2, markeredgewidth=0, clip_on=False)
     if summary.untrained is not None:
         axes.axvline(summary.untrained, color="0.45", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)

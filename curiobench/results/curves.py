@@ -64,5 +64,5 @@ def _epochs(task: TaskSamples, y: str) -> Axis:
 
 
 def _short(number: float) -> str:
-    """Two digits, or all of the whole number."""
-    return f"{number:.2g}" if number < 10 else f"{number:.0f}"
+    """Three digits, or all of the whole number."""
+    return f"{number:.3g}" if number < 100 else f"{number:.0f}"

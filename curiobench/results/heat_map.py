@@ -18,7 +18,7 @@ MOST_NUMBERS = 16
 """Methods up to which there is room for numbers."""
 PAGE = 20
 """Methods in one figure."""
-DARK = 55
+DARK = 62
 """Per cent above which the colour is dark."""
 COLOURS = "YlGnBu"
 """Darker is better, in grey too."""

@@ -86,7 +86,8 @@ class _Curves:
         style = self.styles[sample]
         if sample.n_seeds > 1:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.16, linewidth=0)
-        axes.plot(x, mean, label=self.names[sample], markevery=self._marked(sample, len(x)), **style)
+        marks = self._marked(sample, len(x))
+        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers stay whole
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
         x, mean, *_ = self._curve(sample, panel)

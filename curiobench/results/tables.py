@@ -117,11 +117,14 @@ def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
     """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
     others = [summary for summary in summaries if summary.method != baseline]
     notes = []
-    if missing := [summary.method for summary in others if summary.better is None]:
+    missing = [summary.method for summary in others if summary.better is None]
+    if missing and len(summaries) > 1:
         which = "" if len(missing) == len(others) else f"{', '.join(dict.fromkeys(missing))} "
         notes.append(f"{which}not compared: that takes two seeds each, and runs of {baseline} of the same length")
     of_baseline = [len(summary.seeds) for summary in summaries if summary.method == baseline]
-    sizes = [len(s.seeds) for s in others if s.better is not None and s.better.value in (0, 1)]
+    sizes = [
+        len(s.seeds) for s in others if any(p is not None and p.value in (0, 1) for p in (s.better, s.better_area))
+    ]
     if sizes and of_baseline:
         chance = math.comb(min(sizes) + min(of_baseline), min(sizes)) // 2
         if chance < RARE:
