@@ -5,7 +5,9 @@ BIN := $(VENV)/bin
 RUN := OMP_NUM_THREADS=1 $(BIN)/python
 INSTALLED := $(VENV)/.installed
 
-.PHONY: setup quickstart test test-slow benchmark fidelity presets goal-pictures lint format clean
+CHROMIUM ?= chromium
+
+.PHONY: setup quickstart test test-slow benchmark fidelity presets goal-pictures report-picture lint format clean
 
 setup: $(INSTALLED)
 
@@ -37,6 +39,11 @@ presets: $(INSTALLED)   ## writes the tables of docs/presets.md from the runs in
 
 goal-pictures: $(INSTALLED)   ## draws the pictures of goals that reports show
 	$(RUN) docs/make_goal_pictures.py
+
+report-picture: $(INSTALLED)   ## photographs the top of the report on results/v1; needs Chromium
+	$(CHROMIUM) --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
+		--user-data-dir=$$(mktemp -d) --window-size=1280,1500 --screenshot=docs/images/report.png \
+		file://$(CURDIR)/results/v1/report.html
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -178,12 +178,18 @@ def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
     return np.trapezoid(success, epochs, axis=-1) / (epochs[-1] - epochs[0])
 
 
-def conclusive(n_seeds: int) -> str | None:
-    """A line that says that there are too few seeds to conclude from; None where there are enough."""
+def conclusive(n_seeds: int, whose: str = "") -> str | None:
+    """A line that says that there are too few seeds to conclude from; None where there are enough.
+
+    `whose` names the methods, if it is not clear which are meant.
+    """
+    of = f" of {whose}" if whose else ""
     if n_seeds < 2:
-        return "1 seed: no interval, and nothing to conclude about the method"
+        return f"1 seed{of}: no interval, and nothing to conclude about the method"
     if n_seeds < ENOUGH_SEEDS:
-        return f"{n_seeds} seeds are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
+        return (
+            f"{n_seeds} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
+        )
     return None
 
 
@@ -201,9 +207,9 @@ def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
         by_size.setdefault(size, []).append(name)
     warnings = []
     for size, names in sorted(by_size.items()):
-        whose = "" if len(by_size) == 1 else f"{', '.join(names) if len(names) <= 3 else f'{len(names)} methods'}: "
-        warnings += [whose + line for line in [conclusive(size)] if line]
-    return warnings
+        whose = "" if len(by_size) == 1 else ", ".join(names) if len(names) <= 3 else f"{len(names)} methods"
+        warnings.append(conclusive(size, whose))
+    return [line for line in warnings if line]
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:

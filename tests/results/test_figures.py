@@ -295,8 +295,8 @@ def test_caption_tells_seeds_partial_runs_and_whole_specs(make_runs, tmp_path, m
     paths = make_runs(methods=("sac", LONG), seeds=3) + make_runs(methods=("icm",), seeds=1, complete=False)
     draw_figures(read_results(paths, partial=True, every_goal=False), tmp_path, formats=["png"])
     assert "1 to 3 seeds" in captions[0]
-    assert "sac, SomethingLong+hm: 3 seeds are too few to conclude" in captions[0]
-    assert "icm: 1 seed: no interval" in captions[0]
+    assert "3 seeds of sac, SomethingLong+hm are too few to conclude" in captions[0]
+    assert "1 seed of icm: no interval" in captions[0]
     assert "1 of 7 runs are partial" in captions[0]
     assert "SomethingLong is my_lab.curiosity:SomethingLong." in captions[0]
 

@@ -160,8 +160,8 @@ def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
     assert tables["stack3: learned goals"][0] == "gripper, laptop preset with updates=7: 4 epochs, 4,000 steps a run"
     assert tables["stack3: success"][2:] == (
         brackets,
-        "mihm: 1 seed: no interval, and nothing to conclude about the method",
-        "sac: 2 seeds are too few to conclude: intervals of fewer than 10 are much too narrow",
+        "1 seed of mihm: no interval, and nothing to conclude about the method",
+        "2 seeds of sac are too few to conclude: intervals of fewer than 10 are much too narrow",
         "not compared: that takes two seeds each, and runs of sac of the same length",
     )
 
