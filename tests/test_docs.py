@@ -1,5 +1,6 @@
 """The Python examples in the README and the docs run as they stand."""
 
+import csv
 import re
 import subprocess
 import sys
@@ -30,6 +31,17 @@ def test_example_runs(code, tmp_path):
 def test_links_lead_to_files(page):
     for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
         assert (page.parent / link).exists(), link
+
+
+def test_scores_of_the_probes_are_those_that_were_written():
+    _, _, rest = (
+        (ROOT / "docs" / "probes.md").read_text().partition("<!-- scores: docs/images/probe/scores.csv -->\n```\n")
+    )
+    told = [line.split()[:5] for line in rest.partition("```")[0].splitlines()[1:]]
+    with open(ROOT / "docs" / "images" / "probe" / "scores.csv", newline="") as file:
+        rows = sorted(csv.DictReader(file), key=lambda row: -float(row["controllability"]))
+    names = ("lifting", "falling", "controllability")
+    assert told == [[row["method"], row["epoch"], *(f"{float(row[name]):+.2f}" for name in names)] for row in rows]
 
 
 def test_results_in_the_readme_are_those_of_the_published_set():
