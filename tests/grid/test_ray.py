@@ -77,7 +77,7 @@ def test_one_node_dies_in_the_middle(cluster, tmp_path, capsys):
 
 
 def test_a_cluster_of_its_own_stops_and_continues(tmp_path, capsys):
-    cells = paced(tmp_path, epochs=20, pace=0.2, stack2_icm_1={"failures": 1})
+    cells = paced(tmp_path, epochs=50, pace=0.2, stack2_icm_1={"failures": 1})
     stop = StopRequest()
     view = Acting(
         lambda statuses: sum(status.progress.epoch >= 5 for status in statuses) == 2,
