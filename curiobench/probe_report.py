@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +62,8 @@ def probe(
         references = [reference_transitions(task, robot, seed)] * len(runs)
     else:
         references = [own_transitions(run, seed) for run in runs]
-    readings = [[read(*pair) for pair in zip(runs, repeat(episodes), references)] for episodes in played]
+    pairs = list(zip(runs, references, strict=True))
+    readings = [[read(run, episodes, reference) for run, reference in pairs] for episodes in played]
     scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
     try:
         out.mkdir(parents=True, exist_ok=True)

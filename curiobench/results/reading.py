@@ -99,12 +99,16 @@ def read_head(path: Path) -> Head:
     return Head(path, config, values, result, values["method_sha256"])
 
 
+def _told(record: Mapping[str, Any], name: str) -> list[Any]:
+    """What a record says under a name of the run's beginning, and of each time it was made longer; None for nothing."""
+    lengthened = record.get("lengthened", [])
+    times = [record, *(lengthened if isinstance(lengthened, list) else [])]
+    return [time.get(name) if isinstance(time, dict) else None for time in times]
+
+
 def starts(record: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Versions that a run was begun with, and each time made longer; empty where it does not tell."""
-    lengthened = record.get("lengthened", [])
-    told = [record, *(lengthened if isinstance(lengthened, list) else [])]
-    found = [words.get("versions") if isinstance(words, dict) else None for words in told]
-    return [versions if isinstance(versions, dict) else {} for versions in found]
+    return [versions if isinstance(versions, dict) else {} for versions in _told(record, "versions")]
 
 
 def _of_starts(begun: Sequence[Mapping[str, Any]], name: str) -> str:
@@ -158,9 +162,7 @@ def _text(value: Any, limit: int = 200) -> str:
 
 def _command(record: Mapping[str, Any]) -> str:
     """The command line that began a run, joined with those that made it longer; "" where it does not tell."""
-    lengthened = record.get("lengthened", [])
-    told = [record, *(lengthened if isinstance(lengthened, list) else [])]
-    lines = [words.get("command") if isinstance(words, dict) else None for words in told]
+    lines = _told(record, "command")
     if not all(isinstance(line, list) and all(isinstance(word, str) for word in line) for line in lines):
         return ""
     return _text(" && ".join(map(shlex.join, lines)), limit=10_000)

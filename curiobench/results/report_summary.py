@@ -53,13 +53,13 @@ def _what(task: str, runs: "pd.DataFrame") -> str:
 
 
 def _seeds(runs: "pd.DataFrame") -> str:
-    sizes = _seeds_of_cells(runs)
+    sizes = _seeds_of_cells(runs).values()
     low, high = min(sizes), max(sizes)
     return count(low, "seed") if low == high else f"{low} to {high} seeds"
 
 
-def _seeds_of_cells(runs: "pd.DataFrame") -> list[int]:
-    return [int(n) for n in runs.groupby(["task", "method", "variant"], observed=True)["seed"].nunique()]
+def _seeds_of_cells(runs: "pd.DataFrame") -> dict[Cell, int]:
+    return {cell: int(runs_of(runs, cell)["seed"].nunique()) for cell in cells_of(runs)}
 
 
 def _scale(runs: "pd.DataFrame") -> str:
@@ -93,7 +93,7 @@ def _outcomes(results: "Results") -> list[str]:
     means = learned.groupby(["task", "method", "variant"]).mean()
     found = []
     for task, of_task in rows.groupby("task"):
-        seeds = _seeds_of_cells(results.runs[results.runs["task"] == task])
+        seeds = _seeds_of_cells(results.runs[results.runs["task"] == task]).values()
         average = " on average over seeds" if max(seeds) > 1 else ""
         by_cell = {cell: float(means.loc[tuple(cell)]) for cell in cells_of(of_task)}
         found.append(_outcome(str(task), by_cell, of_task["bits"].nunique(), average))
@@ -123,8 +123,7 @@ def _too_few(runs: "pd.DataFrame") -> list[str]:
     """Which methods have too few seeds; of which task, if that is not the same everywhere."""
     by_task = {}
     for task, of_task in runs.groupby("task", observed=True):
-        cells = [(cell.label, int(runs_of(of_task, cell)["seed"].nunique())) for cell in cells_of(of_task)]
-        by_task[str(task)] = seed_warnings(cells)
+        by_task[str(task)] = seed_warnings([(cell.label, seeds) for cell, seeds in _seeds_of_cells(of_task).items()])
     first = next(iter(by_task.values()))
     if all(lines == first for lines in by_task.values()):
         return first
@@ -132,7 +131,7 @@ def _too_few(runs: "pd.DataFrame") -> list[str]:
 
 
 def _warnings(results: "Results") -> list[str]:
-    sizes = _seeds_of_cells(results.runs)
+    sizes = _seeds_of_cells(results.runs).values()
     found = _too_few(results.runs)
     if len(set(sizes)) > 1:
         found.append(f"methods have {min(sizes)} to {max(sizes)} seeds, so that their intervals are not equally wide")
