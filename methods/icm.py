@@ -24,8 +24,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from curiobench.methods.learned import LearnedReward, adam, check_positive, descend, perceptron
+from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
+from curiobench.methods.settings import check_positive
 
 
 @dataclass(frozen=True)

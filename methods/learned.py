@@ -48,13 +48,6 @@ def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
     optimiser.step()
 
 
-def check_positive(config: Any, *names: str) -> None:
-    """Raise ValueError, with name and value, unless these fields of a config are finite and above 0."""
-    for name in names:
-        if not 0 < getattr(config, name) < math.inf:
-            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
-
-
 class LearnedReward(IntrinsicReward):
     """A method whose whole state lies in the attributes named in `_STATEFUL`: networks, optimisers, moments.
 

@@ -29,9 +29,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from curiobench.methods.learned import LearnedReward, check_positive, perceptron
+from curiobench.methods.learned import LearnedReward, perceptron
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
+from curiobench.methods.settings import check_positive
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 PairMode = Literal["symmetric", "oriented"]
 """Ordered pairs of blocks: all of them, or one a pair."""
 
 QIntNormalisation = Literal["popart", "zscore"]
 """Whose outputs are normalised: those of Q_int (PopArt), or the reward that it learns from."""
+
+
+def check_positive(config: Any, *names: str) -> None:
+    """Raise ValueError, with name and value, unless these fields of a config are finite and above 0."""
+    for name in names:
+        if not 0 < getattr(config, name) < math.inf:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
 
 
 @dataclass(frozen=True)
@@ -46,9 +53,7 @@ class SACConfig:
         ):
             if not legal:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be {range_}")
-        for name in ("learning_rate", "target_every", "temperature", "hidden"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive and finite")
+        check_positive(self, "learning_rate", "target_every", "temperature", "hidden")
 
 
 @dataclass(frozen=True)
