@@ -3,7 +3,7 @@
 import re
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,8 @@ COLUMNS = 3
 """Panels side by side."""
 QUARTERS = (0, 0.25, 0.5, 0.75, 1)
 """Ticks of shares."""
+CLOSER = (0.1, 0.2, 0.4)
+"""Where the y axis may end instead of at 1, so that low curves can be told apart."""
 STEPS = (1, 2, 2.5, 5, 10)
 """Distances of ticks of counts, times a power of ten."""
 REFERENCE = "sac"
@@ -65,11 +67,20 @@ def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -
         One figure; several where small multiples need more than a page.
     """
     curves = _Curves(samples)
+    panels = _closer(curves, panels)
     if len(samples) <= OVERLAID:
         return [_overlaid(curves, panels, axis)]
     groups = _groups(samples)
     rows = GROUPS if len(panels) > 1 else GROUPS * COLUMNS
     return [_multiples(curves, groups[i : i + rows], panels, axis) for i in range(0, len(groups), rows)]
+
+
+def _closer(curves: "_Curves", panels: Sequence[Panel]) -> list[Panel]:
+    """Panels whose axes end at the same share of their largest values, a smaller one where all curves are low."""
+    highest = max(curves.highest(sample, panel) / panel.top for sample in curves.samples for panel in panels)
+    share = next((share for share in CLOSER if highest <= 0.9 * share), 1.0)
+    least = 2 if panels[0].top > 1 else 0  # counts keep whole numbers
+    return [replace(panel, top=max(share * panel.top, least)) for panel in panels]
 
 
 class _Curves:
@@ -92,6 +103,11 @@ class _Curves:
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
         x, mean, *_ = self._curve(sample, panel)
         axes.plot(x, mean, **OTHERS)
+
+    def highest(self, sample: Sample, panel: Panel) -> float:
+        """Largest value of line and band."""
+        _, mean, _, high = self._curve(sample, panel)
+        return max(mean.max(), high.max())
 
     def handles(self) -> list["Line2D"]:
         """Entries of a legend, in the order of the samples."""
@@ -176,10 +192,10 @@ def _finish(axes: "Axes", panel: Panel, axis: Axis, bins: int, first: bool) -> N
 
 
 def number_axis(axis: "XAxis | YAxis", top: float) -> None:
-    """Ticks of an axis of shares, or of counts where its `top` is not 1."""
+    """Ticks of an axis of shares, or of counts where its `top` is above 1."""
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
-    axis.set_major_locator(FixedLocator(QUARTERS) if top == 1 else MaxNLocator(5, integer=True, steps=STEPS))
+    axis.set_major_locator(FixedLocator(QUARTERS) if top == 1 else MaxNLocator(5, integer=top > 1, steps=STEPS))
     axis.set_major_formatter("{x:g}")
 
 

@@ -51,6 +51,12 @@ def lines(axes):
     return {line.get_label(): line for line in axes.lines if not line.get_label().startswith("_")}
 
 
+def seen_ticks(axes):
+    """Numbers on the y axis; locators give some beyond its ends, too."""
+    low, high = axes.get_ylim()
+    return [tick for tick in axes.get_yticks() if low <= tick <= high]
+
+
 def uneven(task, method, seed, epoch, goal):
     """Success of 1 from an epoch on that differs with goal and seed."""
     return float(epoch >= goal + seed + (method == "sac"))
@@ -96,6 +102,18 @@ def test_lines_are_means_and_bands_are_bootstrap_intervals(samples):
         for x in range(5):
             assert corners[corners[:, 0] == x, 1].min() == pytest.approx(low[x])
             assert corners[corners[:, 0] == x, 1].max() == pytest.approx(high[x])
+
+
+@pytest.mark.parametrize(("level", "top"), [(0.08, 0.1), (0.12, 0.2), (0.36, 0.4), (0.4, 1), (1, 1)])
+def test_low_curves_have_axes_that_end_close_above_them_the_same_in_all_panels(drawn, level, top):
+    (figure,) = drawn(draw_success, seeds=1, success=lambda task, method, seed, epoch, goal: level * (goal > 1))
+    assert [axes.get_ylim()[1] for axes in figure.axes] == pytest.approx([1.04 * top] * 3)
+    assert all(seen_ticks(axes)[-1] == pytest.approx(top) for axes in figure.axes)
+
+
+def test_no_learned_goal_has_an_axis_of_whole_goals(drawn):
+    (figure,) = drawn(draw_learned, seeds=1, success=lambda task, method, seed, epoch, goal: 0)
+    assert seen_ticks(figure.axes[0]) == [0, 1, 2]
 
 
 def test_one_seed_has_a_line_and_no_band(drawn):
