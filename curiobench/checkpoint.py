@@ -56,7 +56,9 @@ def save(folder: Path, fingerprint: str, agent: dict[str, Any], values: dict[str
     write_json(_manifest_path(folder, number), head | {"values": values})
     for old in sorted(_numbers(folder))[:-KEPT]:
         _manifest_path(folder, old).unlink()
-        _agent_path(folder, old).unlink(missing_ok=True)
+    kept = {_agent_path(folder, number) for number in _numbers(folder)}
+    for agent_file in set(folder.glob("agent-*.pt")) - kept:  # also those that a kill just here has left behind
+        agent_file.unlink()
 
 
 def load(folder: Path, fingerprint: str) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -2,7 +2,6 @@
 
 import os
 import platform
-import resource
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -52,7 +51,7 @@ def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str,
         "learned_by_layer": {str(layer): {"learned": n, "goals": total} for layer, (n, total) in layers.items()},
         "success": sum(float(row["success"]) for row in last) / len(last),
         "seconds": sum(state.counters.seconds.values()),
-        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+        "peak_memory_mb": round(state.counters.note_memory()),
         "machine": machine(),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }

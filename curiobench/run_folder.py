@@ -6,6 +6,7 @@ import io
 import os
 import platform
 import subprocess
+import time
 from collections.abc import Container, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -21,6 +22,8 @@ from curiobench.tasks.registration import TASK_VERSION
 FORMAT = "curiobench run"
 _BEFORE_CONFIG = {".lock", "config.json.partial"}
 """What a run that was killed before it had a config.json may leave behind."""
+_LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
+"""A grid that looks whether a run is under way holds its lock for an instant."""
 CSV_FILES = ("progress.csv", "evaluations.csv")
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own."""
@@ -41,6 +44,7 @@ class RunFolder:
         Raises ValueError where the folder cannot be written, is in use, finished, or holds something else.
         """
         self.path, self.config = path, config
+        self._longer: dict[str, Any] | None = None
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(path / ".lock")
@@ -77,7 +81,7 @@ class RunFolder:
             self._write_config(command)
 
     def _continue(self, resume: bool, command: Sequence[str]) -> None:
-        """See that the run that is there may go on, which may make it longer."""
+        """See that the run that is there may go on; one that is to be longer stays as it is until `lengthen`."""
         finished = (self.path / "result.json").exists()
         if not resume and not finished:
             raise ValueError(f"{self.path} exists; use --resume to continue it")
@@ -88,10 +92,10 @@ class RunFolder:
         if found := differences(replace(begun, epochs=self.config.epochs) if longer else begun, self.config):
             raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         if longer:
-            self._lengthen(begun, finished, command)
+            self._longer = self._longer_record(begun, finished, command)
 
-    def _lengthen(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> None:
-        """Give the run more epochs. It ends with the rows of one that had them from the start."""
+    def _longer_record(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> dict[str, Any]:
+        """The record of the run with more epochs. It will end with the rows of one that had them from the start."""
         if finished and not self.replay.is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
@@ -105,10 +109,14 @@ class RunFolder:
             )
         record = read_record(self.path)
         head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": _now()}
-        record |= {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
-        # in this order: a kill in between leaves a run that only has to be finished once more
-        (self.path / "result.json").unlink(missing_ok=True)
-        self._write_record(record)
+        return record | {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
+
+    def lengthen(self) -> None:
+        """Write down that the run is longer now, if it is; to be called when all that it goes on from has been read."""
+        if self._longer is not None:
+            # in this order: a kill in between leaves a run that only has to be finished once more
+            (self.path / "result.json").unlink(missing_ok=True)
+            self._write_record(self._longer)
 
     def _write_config(self, command: Sequence[str]) -> None:
         record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
@@ -183,13 +191,18 @@ def _now() -> str:
 def _lock(path: Path) -> io.TextIOWrapper:
     """An open, locked file. The lock goes with the process, however it ends: a stale one cannot be left behind."""
     file = open(path, "a+")  # noqa: SIM115 - stays open as long as the folder
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.seek(0)
-        holder = file.read().strip() or "unknown"
-        file.close()
-        raise ValueError(f"{path.parent} is already running, in process {holder}") from None
+    for attempt in range(_LOCK_ATTEMPTS):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            if attempt < _LOCK_ATTEMPTS - 1:
+                time.sleep(_LOCK_PAUSE)
+                continue
+            file.seek(0)
+            holder = file.read().strip() or "unknown"
+            file.close()
+            raise ValueError(f"{path.parent} is already running, in process {holder}") from None
     file.truncate(0)
     file.write(f"{os.getpid()}\n")
     file.flush()

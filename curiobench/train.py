@@ -67,6 +67,7 @@ class Run:
         first_epoch = self.state.counters.epoch + 1
         tensorboard = folder.path / "tensorboard"
         self.tensorboard = TensorBoardLog(tensorboard, first_epoch) if config.machine.tensorboard else None
+        folder.lengthen()
         self.display = Display(config)
         self.display.note(
             f"{folder.path}: {config.method} on {config.task}, seed {config.seed}, from epoch {first_epoch}"
@@ -135,6 +136,7 @@ class Run:
     def _save(self) -> None:
         path = self.folder.checkpoint
         with self.state.counters.timed("checkpointing"):
+            self.state.counters.note_memory()
             values = self.state.save(self.folder.replay) | {"csv_sizes": self.folder.csv_sizes()}
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 

@@ -1,5 +1,6 @@
 """Everything that training changes: worlds, agent, replay, random streams and counters; saved and restored together."""
 
+import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,12 +47,29 @@ class Counters:
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock seconds since training began, by what they went into."""
 
+    peak_memory_mb: float = 0.0
+    """Largest memory of any of the run's processes, as last noted."""
+
+    def note_memory(self) -> float:
+        """Take this process into `peak_memory_mb`, and return it."""
+        self.peak_memory_mb = max(self.peak_memory_mb, _peak_memory_mb())
+        return self.peak_memory_mb
+
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
         """Count the time that a block of code takes under `part`."""
         started = time.perf_counter()
         yield
         self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - started
+
+
+def _peak_memory_mb() -> float:
+    """Largest resident memory of this process so far, in MB."""
+    status = Path("/proc/self/status")
+    if status.exists():  # the resource module would also count the process that started this one
+        (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2  # bytes on macOS
 
 
 def pair_layout(goal_space: GoalSpace) -> PairLayout:

@@ -192,15 +192,15 @@ class HybridAgent(SAC):
         curious = torch.stack([batch.action, actions[EXPLORE]])
         stored_int, own_int = self.intrinsic_values(inputs.state, curious, trained=1).unbind(1)
         own[EXPLORE] = own[EXPLORE] + self.config.tau * own_int[self._explores_by]
-        penalties = list(log_probs)
-        penalties[EXPLORE] = self._penalty(transitions, batch.desired_goal[0], actions[EXPLORE], log_probs[EXPLORE])
+        terms = {EXPLORE: self._policy_term(transitions, batch.desired_goal[0], actions[EXPLORE])}
         found = {
             "critics": critic_loss(stored, targets[0]),
             "q_int": self.intrinsic_values.loss(stored_int, targets[1]),
         }
         for policy, name in ((EXPLOIT, ""), (EXPLORE, "explorer_")):
             alpha = self.log_alpha[policy]
-            found[f"{name}policy"] = _named(name, policy_loss(own[policy], penalties[policy], alpha.detach().exp()))
+            loss = policy_loss(own[policy], log_probs[policy], alpha.detach().exp(), terms.get(policy))
+            found[f"{name}policy"] = _named(name, loss)
             if self.config.tune_temperature:
                 loss = temperature_loss(alpha, log_probs[policy], -float(self.layout.action_size))
                 found[f"{name}temperature"] = _named(name, loss)

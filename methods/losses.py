@@ -17,9 +17,13 @@ def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
     return loss, {"critic_loss": loss.detach(), "q": values.detach().mean(), "target_q": target.mean()}
 
 
-def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor) -> tuple[Tensor, Metrics]:
-    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,)."""
-    loss = addcmul(-values.min(0).values, alpha, log_prob).mean()
+def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor, term: Tensor | None = None) -> tuple[Tensor, Metrics]:
+    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,).
+
+    A curiosity method's term (B,) is added to the log-densities in the loss, but is no part of the entropy.
+    """
+    penalty = log_prob if term is None else log_prob + term
+    loss = addcmul(-values.min(0).values, alpha, penalty).mean()
     return loss, {"policy_loss": loss.detach(), "entropy": -log_prob.detach().mean(), "temperature": alpha}
 
 

@@ -136,7 +136,8 @@ class SAC:
             self._check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
         if self.updates % self.config.target_every == 0:
-            torch._foreach_lerp_(self._targets, self._sources, self.config.polyak)
+            with torch.no_grad():  # or the targets' history would grow by a node each time
+                torch._foreach_lerp_(self._targets, self._sources, self.config.polyak)
         return metrics
 
     def _learn(self, batch: StaticBatch, epoch: int) -> Metrics:
@@ -210,24 +211,21 @@ class SAC:
         """
         action, log_prob = sample
         stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
-        penalty = self._penalty(transitions, batch.desired_goal[0], action, log_prob)
+        term = self._policy_term(transitions, batch.desired_goal[0], action)
         found = {
             "critics": critic_loss(stored, target),
-            "policy": policy_loss(own, penalty, self.log_alpha.detach().exp()),
+            "policy": policy_loss(own, log_prob, self.log_alpha.detach().exp(), term),
         }
         if self.config.tune_temperature:
             found["temperature"] = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
         metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
         return {name: loss for name, (loss, _) in found.items()}, metrics
 
-    def _penalty(
-        self, transitions: Transitions | None, desired_goal: Tensor, action: Tensor, log_prob: Tensor
-    ) -> Tensor:
-        """log pi (B,) of the policy's actions (B, A), plus what the curiosity method adds to it in its loss."""
+    def _policy_term(self, transitions: Transitions | None, desired_goal: Tensor, action: Tensor) -> Tensor | None:
+        """What the curiosity method adds to log pi in the policy's loss, (B,) for the policy's own actions (B, A)."""
         if self.intrinsic is None or transitions is None:
-            return log_prob
-        term = policy_term_of(self.intrinsic, transitions, desired_goal, action, self.updates)
-        return log_prob if term is None else log_prob + term
+            return None
+        return policy_term_of(self.intrinsic, transitions, desired_goal, action, self.updates)
 
     def _check(self, losses: dict[str, Tensor]) -> None:
         """Raise NonFiniteError unless all losses are finite. Waits for the device."""

@@ -37,14 +37,18 @@ def train_in_worker(program: Sequence[str], arguments: Sequence[str], log: str, 
     Returns the exit code of the training process, which gets SIGTERM when the worker dies.
     """
     command = [sys.executable, *program, "train", *arguments]
-    job = LocalJob(command, Path(log), Path(folder) if os.path.isdir(folder) else None)
-    while True:
-        try:
-            while (code := job.poll()) is None:
-                time.sleep(_POLL_SECONDS)
-            return code
-        except KeyboardInterrupt:  # how Ray cancels a task
-            job.signal(signal.SIGINT)
+    cancels: list[int] = []
+    # Ray cancels a task as Ctrl-C does; as an exception it could lose the process in the midst of being started
+    before = signal.signal(signal.SIGINT, lambda number, _: cancels.append(number))
+    try:
+        job = LocalJob(command, Path(log), Path(folder) if os.path.isdir(folder) else None)
+        while (code := job.poll()) is None:
+            while cancels:
+                job.signal(cancels.pop())
+            time.sleep(_POLL_SECONDS)
+        return code
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class RayJob:

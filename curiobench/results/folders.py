@@ -9,6 +9,8 @@ from curiobench.files import read_json
 GRID_FORMAT = "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
 """What a published set holds, `Results` as files."""
+CONFIGS = "configs"
+"""Folder of a published set with each run's config.json, named after the run."""
 _MAX_GRID_BYTES = 1 << 24
 
 

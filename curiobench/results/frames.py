@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,8 @@ class Results:
     """A row a run, evaluation and layer, with means over its goals; layer 0 is all goals together."""
     progress: pd.DataFrame
     """A row a run and epoch."""
+    config_files: dict[str, Path] = field(default_factory=dict)
+    """Where each run's config.json should be; that of a published set may be missing."""
     faults: tuple[str, ...] = ()
     """One line on each folder that is missing, broken, partial, duplicate or foreign, and what was done with it."""
     absent: tuple[str, ...] = ()
@@ -169,6 +171,7 @@ class _Reader:
             _evaluations_frame(runs, frame),
             _layers_frame(runs, frame),
             _progress_frame(runs, frame),
+            {name: run.head.config_file for name, run in zip(frame["run"], runs, strict=True)},
             (*self._faults, *self._absent),
             tuple(self._absent),
         )

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from curiobench.files import replace_file, sync_folder
-from curiobench.results.configs import CONFIGS, config_files
-from curiobench.results.folders import PUBLISHED_FILES, look
+from curiobench.results.configs import config_files
+from curiobench.results.folders import CONFIGS, PUBLISHED_FILES, look
 from curiobench.results.frames import Results, read_results
 from curiobench.results.published import SUMS, check_sums
 
@@ -49,7 +49,7 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     results = _read(paths)
     if not allow_dirty and (faults := _unknown_code(results.runs)):
         raise ValueError(f"not published: {'; '.join(faults)}; --allow-dirty takes them all the same")
-    configs = _configs(results, paths)
+    configs = _configs(results)
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
@@ -89,14 +89,14 @@ def _unknown_code(runs: "pd.DataFrame") -> list[str]:
     ]
 
 
-def _configs(results: Results, paths: Sequence[Path]) -> dict[str, bytes]:
+def _configs(results: Results) -> dict[str, bytes]:
     """What config.json holds, by run; raises ValueError where run folders' names cannot be those of files."""
     names = list(results.runs["run"])
     if odd := [name for name in names if not _PLAIN.fullmatch(name)]:
         raise ValueError(
             f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
         )
-    return {name: file.read_bytes() for name, file in config_files(names, paths).items()}
+    return {name: file.read_bytes() for name, file in config_files(results).items()}
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:

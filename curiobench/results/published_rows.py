@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 
 from curiobench.methods.specs import shown
 from curiobench.results.evaluations import DTYPES, bits_as_integers, check
-from curiobench.results.folders import PUBLISHED_FILES
+from curiobench.results.folders import CONFIGS, PUBLISHED_FILES
 from curiobench.results.reading import PROGRESS_COLUMNS, Head, Run, check_config
 from curiobench.run_folder import PACKAGES
 
@@ -50,6 +50,8 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
     details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | _COUNTERS)
     if heads["run"].duplicated().any():
         raise ValueError("a run is in runs.csv twice")
+    if odd := [name for name in heads["run"] if PurePosixPath(name).name != name]:
+        raise ValueError(f"{odd[0]!r} in runs.csv is no name of a run")
     if strangers := (set(rows["run"]) | set(details["run"])) - set(heads["run"]):
         raise ValueError(f"{min(strangers)!r} has rows, but is not in runs.csv")
     rows_of, details_of = dict(list(rows.groupby("run"))), dict(list(details.groupby("run")))
@@ -86,7 +88,9 @@ def _run(
     values |= {"epoch": int(found.epoch[-1]), "steps": int(found.steps[-1]), "updates": int(row["updates"])}
     values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
     progress = pd.DataFrame() if details is None else _own_columns(details)
-    return Run(Head(folder / row["run"], config, values, None, row["method_sha256"]), values, found, progress)
+    config_file = folder / CONFIGS / f"{row['run']}.json"
+    head = Head(folder / row["run"], config, values, None, config_file, row["method_sha256"])
+    return Run(head, values, found, progress)
 
 
 def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:

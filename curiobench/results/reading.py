@@ -37,6 +37,8 @@ class Head:
     """Columns of the frame `runs` that are known before the rows are read."""
     result: dict[str, Any] | None
     """What result.json holds; None where the run is partial."""
+    config_file: Path
+    """Its config.json, or the copy in a published set."""
     digest: str = ""
     """SHA-256 of the file of a method from outside."""
 
@@ -96,7 +98,7 @@ def read_head(path: Path) -> Head:
     values |= {"machine": _text((result or {}).get("machine"))}
     values |= {"command": _command(record), "config": json.dumps(config)}
     values |= {"method_sha256": _text(begun[0].get("method_sha256"))[:64]}
-    return Head(path, config, values, result, values["method_sha256"])
+    return Head(path, config, values, result, path / "config.json", values["method_sha256"])
 
 
 def _told(record: Mapping[str, Any], name: str) -> list[Any]:

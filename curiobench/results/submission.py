@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from curiobench.results.configs import read_records
 from curiobench.results.frames import Results, read_results
-from curiobench.results.published import available, load, locate
+from curiobench.results.published import available, load
 from curiobench.results.reading import starts
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Reference:
 def read_submission(paths: Sequence[Path]) -> Submission:
     """The runs in run folders, folders of run folders or published sets; its faults name those that cannot be used."""
     results = read_results(paths)
-    return Submission(results, read_records(list(results.runs["run"]), paths))
+    return Submission(results, read_records(results))
 
 
 def reference(against: str | None = None) -> Reference:
@@ -89,7 +89,7 @@ def reference(against: str | None = None) -> Reference:
     if name == PRESETS_ONLY:
         return Reference("the presets")
     results = load(name)
-    return Reference(name, Submission(results, read_records(list(results.runs["run"]), [locate(name)])))
+    return Reference(name, Submission(results, read_records(results)))
 
 
 def _by_run(frame: "pd.DataFrame") -> dict[str, "pd.DataFrame"]:

@@ -233,13 +233,12 @@ def cautions(results: Results, task: str | None = None) -> list[str]:
     """One line on each thing that makes a comparison of the methods of one task unequal; of all tasks if None."""
     runs = results.runs if task is None else results.runs[results.runs["task"] == task]
     lines = []
-    for (task, _), group in runs.groupby(["task", "variant"], sort=True):
+    for of_task, group in runs.groupby("task", sort=True):
         options = [decisive(json.loads(text)) for text in group["config"]]
-        lines += unlike_options(options)
+        lines += unlike_options(options, list(group["variant"]))
         for package in PACKAGES:
             if len(found := sorted(set(group[package]))) > 1:
-                lines.append(f"runs of {task} were made with {package} {' and '.join(found)}")
-    for of_task, group in runs.groupby("task", sort=True):
+                lines.append(f"runs of {of_task} were made with {package} {' and '.join(found)}")
         commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
         if len(commits) > 1:
             lines.append(f"runs of {of_task} were made at {len(commits)} commits: {', '.join(commits)}")

@@ -34,27 +34,35 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def unlike_options(options: Sequence[Mapping[str, Any]]) -> list[str]:
+def unlike_options(options: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[str]:
     """Options in which runs of one task differ although every method has them, such as the number of epochs.
 
-    Methods' own settings are left out: two that share a name, such as a `beta`, have nothing in common.
+    Methods' own settings are left out: two that share a name, such as a `beta`, have nothing in common. So is what a
+    run's variant tells. Runs of several presets are compared within each, if variants tell the preset.
 
     Args:
         options: as of `variants`.
+        named: the variant of each run.
 
     Returns:
         One line a task whose methods are compared on unequal terms.
     """
     lines = []
     flat = [flatten(run) for run in options]
-    for members in _groups(flat, "task"):
+    apart = ("preset",) if any(_tells(text, "preset") for text in named) else ()
+    for members in _groups(flat, "task", *apart):
         runs = [flat[i] for i in members]
-        common = [name for name in _differing(runs) if all(name in run for run in runs)]
-        values = {name: sorted({_word(run[name]) for run in runs}) for name in common if not _is_own(name)}
-        if values:
+        common = [name for name in _differing(runs) if all(name in run for run in runs) and not _is_own(name)]
+        untold = {name: {_word(flat[i][name]) for i in members if not _tells(named[i], name)} for name in common}
+        if values := {name: sorted(words) for name, words in untold.items() if len(words) > 1}:
             told = ", ".join(f"{_flag(name)} ({' or '.join(words)})" for name, words in values.items())
             lines.append(f"runs of {runs[0]['task']} differ in {told}")
     return lines
+
+
+def _tells(variant: str, name: str) -> bool:
+    """Whether a variant's text gives the value of an option."""
+    return any(part.startswith(f"{_flag(name)}=") for part in variant.split(", "))
 
 
 def _is_own(name: str) -> bool:

@@ -58,6 +58,13 @@ def test_keeps_two(folder):
     }  # fmt: skip
 
 
+def test_an_agent_file_that_a_kill_left_behind_goes_at_the_next_save(folder):
+    (folder / "checkpoint-1.json").unlink()
+    assert (folder / "agent-1.pt").exists()
+    checkpoint.save(folder, "f", AGENT, VALUES)
+    assert sorted(path.name for path in folder.glob("agent-*.pt")) == ["agent-2.pt", "agent-3.pt"]
+
+
 def test_an_agent_without_its_manifest_does_not_count(folder):
     (folder / "checkpoint-2.json").unlink()
     assert checkpoint.load(folder, "f")[0]["updates"] == 6

@@ -73,11 +73,20 @@ def test_killed_before_the_config_is_written_it_only_has_to_be_finished_once_mor
     with monkeypatch.context() as patch:
         patch.setattr(RunFolder, "_write_record", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
-            RunFolder(short, LONGER, resume=True)
+            RunFolder(short, LONGER, resume=True).lengthen()
     train(SHORT, short, resume=True)
     assert numbers(short) == before
     train(LONGER, short, resume=True)
     assert numbers(short) == numbers(long)
+
+
+def test_a_finished_run_whose_checkpoint_is_damaged_keeps_its_result(short):
+    for path in (short / "checkpoint").glob("agent-*.pt"):
+        path.write_bytes(b"")
+    before = {path: path.read_bytes() for path in short.glob("*.json")}
+    with pytest.raises(ValueError, match="truncated or altered"):
+        train(LONGER, short, resume=True)
+    assert {path: path.read_bytes() for path in short.glob("*.json")} == before
 
 
 def test_what_cannot_be_made_longer_is_left_alone(finished, short, tmp_path):

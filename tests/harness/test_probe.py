@@ -10,7 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import torch
-from tiny_runs import TINY
+from tiny_runs import TINY, same_state
 
 from curiobench import palette, probe_report
 from curiobench.config import MachineConfig
@@ -58,17 +58,6 @@ def track(heights, offset=0.0, opening=0.03, y=0.75):
 
 def steps(found):
     return np.flatnonzero(found).tolist()
-
-
-def same(first, second) -> bool:
-    """Whether two state_dicts are equal to the bit."""
-    if isinstance(first, torch.Tensor):
-        return torch.equal(first, second)
-    if isinstance(first, dict):
-        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
-    if isinstance(first, (list, tuple)):
-        return len(first) == len(second) and all(map(same, first, second))
-    return first == second
 
 
 def test_lifting_is_a_rise_of_a_centimetre_in_the_hand():
@@ -143,7 +132,7 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
     (run,), _ = open_runs([runs[spec]])
     before = run.agent.state_dict()
     reading = read(run, played[1], reference)
-    assert same(before, run.agent.state_dict())
+    assert same_state(before, run.agent.state_dict())
 
     probed = transitions(played[1].episodes)
     start, step = 1, 7

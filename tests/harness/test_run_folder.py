@@ -1,10 +1,12 @@
 """The run folder: who may use it, and what it keeps."""
 
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 
 import pytest
@@ -30,6 +32,14 @@ def test_is_used_by_one_process_at_a_time(tmp_path):
     ):
         RunFolder(tmp_path, TINY, resume=True)
     RunFolder(tmp_path, TINY, resume=True).close()
+
+
+def test_a_grid_that_looks_does_not_keep_a_run_from_starting(tmp_path):
+    RunFolder(tmp_path, TINY, resume=False).close()
+    with open(tmp_path / ".lock") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        threading.Timer(0.02, fcntl.flock, (file, fcntl.LOCK_UN)).start()
+        RunFolder(tmp_path, TINY, resume=True).close()
 
 
 def test_a_killed_process_leaves_no_lock(tmp_path):

@@ -95,8 +95,18 @@ def test_losses_by_hand():
     loss, metrics = policy_loss(values, log_prob, alpha)
     assert loss.item() == ((-0.5 - 1) + (1 - 2)) / 2
     assert metrics["entropy"].item() == -0.5
+    loss, metrics = policy_loss(values, log_prob, alpha, term=torch.tensor([2.0, 4.0]))
+    assert loss.item() == ((0.5 - 1) + (3 - 2)) / 2
+    assert metrics["entropy"].item() == -0.5  # a method's term is no part of it
     loss, _ = temperature_loss(torch.tensor(2.0), log_prob, target_entropy=-4.0)
     assert loss.item() == -2.0 * (0.5 - 4.0)
+
+
+def test_target_networks_keep_no_history():
+    agent, rng = agent_of(target_every=1), np.random.default_rng(6)
+    for _ in range(3):
+        agent.update(random_batch(SMALL, 8, rng))
+    assert all(weight.grad_fn is None for weight in agent._targets)
 
 
 @pytest.mark.parametrize("pairs", ["symmetric", "oriented"])

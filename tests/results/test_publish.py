@@ -16,7 +16,7 @@ import curiobench
 from curiobench.cli import main
 from curiobench.results import publish as module
 from curiobench.results import published
-from curiobench.results.configs import CONFIGS
+from curiobench.results.folders import CONFIGS
 from curiobench.results.frames import read_results
 from curiobench.results.publish import publish
 from curiobench.results.published import SUMS, available, check_sums, load, read_sums

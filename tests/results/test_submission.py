@@ -12,7 +12,7 @@ from curiobench.results import publish as publish_module
 from curiobench.results import submission
 from curiobench.results.publish import publish
 from curiobench.results.published import load
-from curiobench.results.submission import PRESETS_ONLY
+from curiobench.results.submission import PRESETS_ONLY, read_submission
 from curiobench.results.submit_check import submit_check
 
 
@@ -54,6 +54,14 @@ def test_lawful_runs_pass_everything(runs, published):
     assert verdicts(runs, str(published)) == {}
     assert skipped(runs, str(published)) == set()
     assert skipped(runs) == {"task and robot are the reference's", "versions are the reference's"}
+
+
+def test_a_run_is_judged_by_its_own_config_where_one_of_its_name_was_left_out(runs, tmp_path):
+    other = shutil.copytree(first(runs), tmp_path / "others" / first(runs).name)
+    (other / "result.json").unlink()
+    edit_options(other, seed=99)
+    submission = read_submission([tmp_path / "others", runs])
+    assert submission.records[other.name]["config"]["seed"] == 0
 
 
 def test_a_published_set_passes_as_a_submission(published):
@@ -276,7 +284,6 @@ def test_command(runs, published, monkeypatch, capsys):
 @pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v1", "v2"], "v2")])
 def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, capsys, sets, against):
     monkeypatch.setattr(submission, "available", lambda: sets)
-    monkeypatch.setattr(submission, "locate", lambda name: published)
     monkeypatch.setattr(submission, "load", lambda name: load(published))
     assert run(monkeypatch, capsys, runs)[1].splitlines()[0].endswith(f"compared with {against}")
 

@@ -100,6 +100,26 @@ def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
     )
 
 
+def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_path):
+    make_runs(methods=("sac",), seeds=1)
+    for tau in (0.1, 0.4):
+        make_runs(methods=("icm",), seeds=1, options={"sac.tau": tau, "sac.gamma": 0.9}, suffix=f"-{tau}")
+    for path in (tmp_path / "runs").glob("stack2-icm-*"):
+        edit_versions(path, mujoco="9.9")
+    assert cautions(read_results([tmp_path / "runs"])) == [
+        "runs of stack2 differ in sac.gamma (0.9 or 0.95)",  # tau is in the variants
+        "runs of stack2 were made with mujoco 1.0 and 9.9",
+    ]
+
+
+def test_presets_that_variants_tell_are_compared_each_by_itself(make_runs, tmp_path):
+    for preset, gamma in (("short", 0.9), ("smoke", 0.95)):
+        make_runs(methods=("icm",), seeds=1, options={"preset": preset, "sac.gamma": gamma}, suffix=f"-{preset}")
+    assert cautions(read_results([tmp_path / "runs"])) == []
+    make_runs(methods=("sac",), seeds=1, options={"preset": "short"})
+    assert cautions(read_results([tmp_path / "runs"])) == ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"]
+
+
 def test_settings_that_two_methods_have_by_the_same_name_are_not_compared(make_runs, tmp_path):
     make_runs(methods=("icm",), seeds=1, options={"method_config": {"beta": 0.2}})
     make_runs(methods=("mihm",), seeds=1, options={"method_config": {"beta": 0.7}})
