@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from curiobench.errors import CheckFailed, Interrupted, RunFailed
+from curiobench.errors import CheckFailed, Interrupted, RunFailed, one_line
 
 USAGE = """usage: curiobench COMMAND [OPTIONS]
 
@@ -248,9 +248,11 @@ def main() -> NoReturn:
         _exit(error, 128 + error.signal_number)
     except KeyboardInterrupt:
         _exit("stopped at once", 130)
+    except OSError as error:  # such as a folder without the right to look into it
+        _exit(f"{error.filename}: {error.strerror}" if error.filename else error, 2)
     sys.exit(0)
 
 
 def _exit(message: object, code: int) -> NoReturn:
-    print(f"curiobench: {message}", file=sys.stderr)
+    print(f"curiobench: {one_line(message)}", file=sys.stderr)
     sys.exit(code)

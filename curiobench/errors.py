@@ -1,4 +1,4 @@
-"""How a run ends early."""
+"""How a run ends early, and how that is told."""
 
 
 class RunFailed(Exception):
@@ -15,3 +15,8 @@ class Interrupted(Exception):
     def __init__(self, message: str, signal_number: int) -> None:
         super().__init__(message)
         self.signal_number = signal_number
+
+
+def one_line(message: object) -> str:
+    """A message, which may hold text from files, as one line that a terminal shows and does not obey."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(message))

@@ -5,6 +5,7 @@ method, its file and the update. The looks at shapes and types are free; those a
 on CUDA, where they would make the device wait, they are made every CUDA_CHECK_EVERY updates.
 """
 
+import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -26,9 +27,13 @@ TAKEN = frozenset(
         "intrinsic_raw", "intrinsic_normalised",
         "explorer_policy_loss", "explorer_entropy", "explorer_temperature", "explorer_temperature_loss",
         "q_int_loss", "q_int_popart", "q_int_zscore", "popart_mean", "popart_scale", "share_exploitation",
+        "run", "task", "method", "variant", "seed",
     )
 )  # fmt: skip
-"""Columns of progress.csv that are a run's or an agent's own: a method's metrics have other names."""
+"""Columns of progress.csv, or of the frame that is made of it, that are a run's or an agent's own: a method's metrics
+have other names."""
+_METRIC = re.compile(r"[A-Za-z_][\w./-]{0,99}", re.ASCII)
+"""Names of metrics, which are columns of a csv file."""
 
 
 class NonFiniteError(FloatingPointError):
@@ -139,8 +144,8 @@ def flaw_of_metrics(metrics: object, before: Collection[str] | None = None) -> s
     """
     if not isinstance(metrics, dict):
         return f"{_outline(metrics)}; expected a dict of metrics"
-    if odd := [name for name in metrics if not isinstance(name, str)]:
-        return f"a metric named {odd[0]!r}; expected text"
+    if odd := [name for name in metrics if not isinstance(name, str) or not _METRIC.fullmatch(name)]:
+        return f"a metric named {odd[0]!r:.80}; expected a letter, then letters, digits and _ . / -"
     if taken := sorted(metrics.keys() & TAKEN):
         return f"the metric {taken[0]}, which is the agent's own; expected another name, such as my_{taken[0]}"
     if before is not None and metrics.keys() != set(before):

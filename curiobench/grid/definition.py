@@ -80,7 +80,7 @@ def read_definition(path: Path) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ValueError(f"{path}{where}: {error.problem}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError, OverflowError) as error:
         raise ValueError(f"cannot read {path}: {' '.join(str(error).split())}") from None
     try:
         return {name: _READERS[name](value, name) for name, value in _mapping(values, "the file").items()}
@@ -95,6 +95,8 @@ class _Loader(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if "<<" in names:  # a few lines of nested ones take hours
+            raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are not allowed", node.start_mark)
         if doubled := [name for i, name in enumerate(names) if name in names[:i]]:
             raise yaml.constructor.ConstructorError(
                 None, None, f"the key {doubled[0]!r} is there twice", node.start_mark

@@ -9,8 +9,8 @@ from typing import Any
 
 from curiobench.files import read_json, write_json
 from curiobench.grid.cells import Cell
+from curiobench.results.folders import GRID_FORMAT
 
-FORMAT = "curiobench grid"
 NAME = "grid.json"
 
 
@@ -34,7 +34,7 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
                     entries[cell.folder] = _entry(cell)
             this = shlex.join(command)
             commands = [*(known for known in record["commands"] if known != this), this]
-            write_json(out / NAME, {"format": FORMAT, "commands": commands, "cells": [*entries.values()]})
+            write_json(out / NAME, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
     except OSError as error:
         raise ValueError(f"cannot write to {out}: {error.strerror}") from None
 
@@ -43,9 +43,9 @@ def read_record(out: Path) -> dict[str, Any]:
     """What grid.json holds, an empty grid where there is none; raises ValueError where it is something else."""
     path = out / NAME
     if not path.exists():
-        return {"format": FORMAT, "commands": [], "cells": []}
+        return {"format": GRID_FORMAT, "commands": [], "cells": []}
     record = read_json(path)
-    if record.get("format") != FORMAT:
+    if record.get("format") != GRID_FORMAT:
         raise ValueError(f"{path} is not a grid's: its format is {record.get('format')!r}")
     cells, commands = record.get("cells"), record.get("commands")
     if not isinstance(commands, list) or not isinstance(cells, list) or not all(map(_is_entry, cells)):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.canvas import new_figure
-from curiobench.results.curves import layer_name
+from curiobench.results.curves import layer_in_words
 from curiobench.results.lines import number_axis
 from curiobench.results.samples import Sample, TaskSamples
 from curiobench.results.statistics import area_under_curve, curve_interval
@@ -49,7 +49,7 @@ def success_over_training(sample: Sample) -> np.ndarray:
 def _page(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     """Learned goals, in all and of each layer, above success."""
     learned = [
-        Summary(layer_name(layer), _learned(place), size)
+        Summary(layer_in_words(layer), _learned(place), size)
         for place, (layer, size) in enumerate(zip(task.layers, task.sizes, strict=True))
     ]
     success = [

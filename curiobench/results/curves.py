@@ -18,7 +18,7 @@ NUMBERS = ("no", "one", "two", "three", "four", "five")
 def draw_success(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
     """Mean success over epochs: all goals, then the goals of each layer."""
     panels = [
-        Panel(f"{layer_name(layer)} ({size})", _of_layer(place, lambda sample: sample.success))
+        Panel(f"{layer_in_words(layer)} ({size})", _of_layer(place, lambda sample: sample.success))
         for place, (layer, size) in enumerate(zip(task.layers, task.sizes, strict=True))
     ]
     return draw_lines(samples, panels, _epochs(task, "success"))
@@ -35,7 +35,7 @@ def draw_exploitation(task: TaskSamples, samples: Sequence[Sample]) -> list["Fig
     return draw_lines(samples, [Panel("", _exploitation)], _epochs(task, r"share of $\pi_d$"))
 
 
-def layer_name(layer: int) -> str:
+def layer_in_words(layer: int) -> str:
     """A layer in words: "two layers"; "all goals" for 0."""
     return f"{NUMBERS[layer]} layer{'s' * (layer > 1)}" if layer else "all goals"
 

@@ -1,6 +1,7 @@
 """Evaluations of one run as arrays, checked: every goal of the task at every evaluation, and only possible numbers."""
 
 import csv
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -176,7 +177,9 @@ def parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, objec
     """Columns of a csv file, all of which it has; raises ValueError where a value is of another kind."""
     types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
-    return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
+    with warnings.catch_warnings():  # of an infinite whole number, which is an error as well
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
 
 
 def check(frame: pd.DataFrame, task: str, last: Mapping[str, np.ndarray] | None = None) -> Evaluations:

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from curiobench.errors import one_line
+
 if TYPE_CHECKING:
     from curiobench.results.frames import Results
 
@@ -22,6 +24,6 @@ def tell_faults(results: "Results", what: str) -> None:
     """
     for fault in results.faults:
         if fault not in results.absent:
-            print(f"curiobench: {fault}", file=sys.stderr)
+            print(f"curiobench: {one_line(fault)}", file=sys.stderr)
     if results.absent:
         raise ValueError(f"not in the {what}: " + "; ".join(results.absent))

@@ -1,5 +1,6 @@
 """Run folders and published sets as pandas frames. docs/results.md says what each column means."""
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ import pandas as pd
 
 from curiobench.methods.specs import canonical, shown
 from curiobench.results.folders import Cell, look
+from curiobench.results.published import by_name
 from curiobench.results.published_rows import read_published
 from curiobench.results.reading import Head, Run, read_head, read_run
 from curiobench.results.variants import variants
@@ -74,7 +76,8 @@ def read_results(
     """Read runs; imports no method and changes nothing.
 
     Args:
-        paths: run folders, folders of run folders (such as a grid's), published sets.
+        paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
+            with this package, such as v1, where there is no such folder.
         partial: also take runs that are not finished.
         every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time. `layers` is
             the same either way.
@@ -102,6 +105,7 @@ class _Reader:
 
     def add(self, path: Path) -> None:
         """Read what a path stands for."""
+        path = by_name(path)
         try:
             found = look(path)
             published = read_published(path, self._every_goal) if found.published else []
@@ -110,10 +114,16 @@ class _Reader:
             return
         named = path in found.runs
         self._faults += found.faults
-        for run in published:
-            self._keep(run, self._faults)
+        if found.published:
+            self._add_published(path.resolve(), published)
         for folder, cell in found.runs.items():
             self._add_folder(folder, cell, self._absent if named else self._faults)
+
+    def _add_published(self, path: Path, runs: Sequence[Run]) -> None:
+        if path not in self._seen:
+            self._seen.add(path)
+            for run in runs:
+                self._keep(run, self._faults)
 
     def _add_folder(self, folder: Path, cell: Cell | None, faults: list[str]) -> None:
         if folder.resolve() in self._seen:
@@ -127,8 +137,10 @@ class _Reader:
                 self._keep_folder(head, faults)
             else:
                 self._unfinished.append((head, faults))
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             faults.append(f"{error}; left out")
+        except OSError as error:
+            faults.append(f"cannot read {error.filename}: {error.strerror}; left out")
 
     def _keep_folder(self, head: Head, faults: list[str]) -> None:
         if not self._is_new(head, faults):
@@ -204,7 +216,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _runs_frame(runs: Sequence[Run], texts: Sequence[str]) -> pd.DataFrame:
-    names = _names([run.head.path for run in runs])
+    names = _names([Path(os.path.abspath(run.head.path)) for run in runs])
     rows = [run.values | {"run": name, "variant": text} for run, name, text in zip(runs, names, texts, strict=True)]
     return pd.DataFrame(rows, columns=list(RUN_COLUMNS))
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.canvas import new_figure
-from curiobench.results.curves import layer_name
+from curiobench.results.curves import layer_in_words
 from curiobench.results.samples import Sample, TaskSamples
 from curiobench.results.style import SMALL, TEXT, TEXT_WIDTH, labels
 
@@ -56,7 +56,9 @@ def _block(axes: "Axes", task: TaskSamples, samples: Sequence[Sample], layer: in
     axes.set_xticks([])
     axes.tick_params(axis="y", length=0)
     axes.spines[:].set_visible(False)
-    axes.text(1.015, 0.5, layer_name(layer).replace(" ", "\n"), transform=axes.transAxes, va="center", fontsize=SMALL)
+    axes.text(
+        1.015, 0.5, layer_in_words(layer).replace(" ", "\n"), transform=axes.transAxes, va="center", fontsize=SMALL
+    )
 
 
 def _write_numbers(axes: "Axes", values: np.ndarray) -> None:

@@ -217,7 +217,7 @@ def _name_field(
 
 def _surround(figure: "Figure", axis: Axis, handles: Sequence["Line2D"]) -> None:
     """Names of the axes and a legend above all panels."""
-    figure.supylabel(axis.y, fontsize=TEXT)
+    figure.supylabel(axis.y, fontsize=TEXT, parse_math=True)
     for axes in figure.axes:
         if axes.xaxis.get_tick_params()["labelbottom"]:
             axes.set_xlabel(axis.x)

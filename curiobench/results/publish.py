@@ -53,7 +53,7 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
-    old, new = (place.with_name(f".{place.name}.{kind}") for kind in ("old", "new"))
+    old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
     try:
         _tidy(place, old, new)
         _check_place(place, results, replace)

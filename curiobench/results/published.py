@@ -1,6 +1,7 @@
 """The published results that come with this package, as pandas frames; no network is needed."""
 
 import hashlib
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,11 +63,19 @@ def locate(name: str | Path) -> Path:
     )
 
 
+def by_name(path: Path) -> Path:
+    """The folder of the set that comes with this package under a name such as v1; any other path as it is."""
+    name = str(path)
+    return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
+
+
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
     """Raises ValueError where files of a published set are not those that its SHA256SUMS tell of."""
     sums = read_sums(folder)
     for file in files:
         try:
+            if not (folder / file).is_file():
+                raise ValueError(f"{folder / file} is no file")
             found = hashlib.sha256((folder / file).read_bytes()).hexdigest()
         except OSError as error:
             raise ValueError(f"cannot read {folder / file}: {error.strerror}") from None
@@ -78,9 +87,9 @@ def read_sums(folder: Path) -> dict[str, str]:
     """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
     path = folder / SUMS
     try:
-        if path.stat().st_size > _MAX_SUMS_BYTES:
-            raise ValueError(f"{path} has more than {_MAX_SUMS_BYTES:,} bytes")
-        lines = path.read_text("utf-8").splitlines()
+        if path.exists() and not (path.is_file() and path.stat().st_size <= _MAX_SUMS_BYTES):
+            raise ValueError(f"{path} is no file of at most {_MAX_SUMS_BYTES:,} bytes")
+        lines = path.read_text("utf-8", errors="replace").splitlines()
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror}") from None
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}

@@ -1,6 +1,7 @@
 """Reading a published set: the frames of `Results` as csv files."""
 
 import json
+import zlib
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -11,7 +12,8 @@ import pandas as pd
 from curiobench.methods.specs import shown
 from curiobench.results.evaluations import DTYPES, bits_as_integers, check
 from curiobench.results.folders import CONFIGS, PUBLISHED_FILES
-from curiobench.results.reading import PROGRESS_COLUMNS, Head, Run, check_config
+from curiobench.results.published import check_sums
+from curiobench.results.reading import LARGEST_NUMBER, PROGRESS_COLUMNS, Head, Run, check_config
 from curiobench.run_folder import PACKAGES
 
 MAX_ROWS = 20_000_000
@@ -36,13 +38,14 @@ def read_published(folder: Path, every_goal: bool = True) -> list[Run]:
     """
     try:
         return _read(folder, every_goal)
-    except (ValueError, KeyError, OverflowError, EOFError) as error:
+    except (ValueError, KeyError, OverflowError, EOFError, RecursionError, zlib.error) as error:
         raise ValueError(f"{folder}: {' '.join(str(error).split())}") from None
     except OSError as error:
         raise ValueError(f"{folder}: cannot read it: {error}") from None
 
 
 def _read(folder: Path, every_goal: bool) -> list[Run]:
+    check_sums(folder)
     runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
     texts = dict.fromkeys(_TEXT, str)
     heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), texts | dict.fromkeys(_NUMBERS, float) | {"complete": bool})
@@ -82,6 +85,11 @@ def _run(
     found = check(rows, config["task"])
     if not every_goal:
         found = replace(found, episodes=found.episodes[-1:], episodes_unsatisfied=found.episodes_unsatisfied[-1:])
+    if row["complete"] and found.epoch[-1] != config["epochs"]:
+        raise ValueError(f"{row['run']} has {found.epoch[-1]} of {config['epochs']} epochs and is said to be complete")
+    for name in _NUMBERS:
+        if not (0 <= row[name] < LARGEST_NUMBER or (np.isnan(row[name]) and not row["complete"])):
+            raise ValueError(f"{name} of {row['run']} is {row[name]}, which cannot be")
     values = {name: config[name] for name in ("task", "seed", "robot", "preset", "epochs")}
     values |= {"method": shown(config["method"]), "complete": row["complete"]}
     values |= {name: row[name] for name in _TEXT if name != "run"}

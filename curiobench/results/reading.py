@@ -1,5 +1,6 @@
 """One run folder: its config, its rows and its result, checked. Files of others are never trusted."""
 
+import csv
 import json
 import re
 import shlex
@@ -19,6 +20,8 @@ from curiobench.run_folder import PACKAGES, read_record
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
 MAX_JSON_BYTES = 1 << 20
+LARGEST_NUMBER = 1e15
+"""Of steps, updates, seconds and the like; more cannot be."""
 PROGRESS_COLUMNS = ("epoch", "steps", "updates", "seconds")
 """Columns that every progress.csv has; the rest depends on the method."""
 _SPEC = re.compile(r"[\w.-]{1,100}(:[\w.]{1,100})?(\+hm)?")
@@ -48,7 +51,7 @@ class Head:
 
     def identity(self) -> str:
         """Text that two runs of equal numbers have in common."""
-        return json.dumps(self.decisive(), sort_keys=True)
+        return json.dumps(self.decisive() | {"preset": ""}, sort_keys=True)  # only a name for other options
 
 
 @dataclass(frozen=True)
@@ -148,8 +151,8 @@ def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
     result = read_json(path)
     for name in ("epochs", "steps", "updates", "goals", "goals_learned", "success", "seconds", "peak_memory_mb"):
         value = result.get(name)
-        if type(value) not in (int, float) or not 0 <= value < float("inf"):
-            raise ValueError(f"{path}: {name} is {value!r:.80}; it must be a number")
+        if type(value) not in (int, float) or not 0 <= value < LARGEST_NUMBER:
+            raise ValueError(f"{path}: {name} is {value!r:.80}; it must be a number from 0 to {LARGEST_NUMBER:.0e}")
     if result["epochs"] != epochs:
         raise ValueError(f"{path}: it is of {result['epochs']} epochs, the config of {epochs}")
     return result
@@ -189,8 +192,8 @@ def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str]
     rows = pd.DataFrame()
     if progress or partial:
         rows, dropped_progress = read_progress(head.path / "progress.csv", progress, partial)
-    if head.result is not None and progress and len(rows) != head.result["epochs"]:
-        raise ValueError(f"{head.path / 'progress.csv'}: it has {len(rows)} rows for {head.result['epochs']} epochs")
+    if head.result is not None:
+        _check_end(head.path / "progress.csv", head.result)
     epoch = int(evaluations.epoch[-1])
     values = head.values | {"epoch": epoch, "steps": int(evaluations.steps[-1])} | _cost(head.result, rows, epoch)
     notes = (dropped, dropped_progress if progress or partial else "")
@@ -217,6 +220,25 @@ def _check_result(path: Path, result: dict[str, Any], evaluations: Evaluations) 
         raise ValueError(f"{path}: result.json and evaluations.csv disagree in learned_by_layer")
 
 
+def _check_end(path: Path, result: dict[str, Any]) -> None:
+    """Raises ValueError where progress.csv, of which only the last row is parsed, has another end than result.json."""
+    try:
+        content = read_bytes(path, whole=True)
+        header = check_header(content, PROGRESS_COLUMNS)
+        n_rows = content.count(b"\n") - 1
+        if n_rows != result["epochs"]:
+            raise ValueError(f"it has {n_rows} rows for {result['epochs']} epochs")
+        (last,) = csv.reader([content[:-1].rpartition(b"\n")[2].decode()])
+        found = dict(zip(header, last, strict=False))
+        for name in ("steps", "updates"):
+            if float(found.get(name, "nan")) != result[name]:
+                raise ValueError(f"its last row has {found.get(name)} {name}, result.json {result[name]}")
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {error}") from None
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+
+
 def read_progress(path: Path, progress: bool | Sequence[str], tolerant: bool) -> tuple[pd.DataFrame, str]:
     """Rows of progress.csv, and what was left out of a run at work ("" for nothing).
 
@@ -240,12 +262,16 @@ def read_progress(path: Path, progress: bool | Sequence[str], tolerant: bool) ->
 
 
 def _check_progress(rows: pd.DataFrame) -> None:
+    if rows.empty:
+        raise ValueError("it has no rows")
     if text := [name for name in rows if len(rows) and not pd.api.types.is_numeric_dtype(rows[name])]:
         raise ValueError(f"its column {text[0]} does not hold numbers")
     if (rows["epoch"].to_numpy() != np.arange(1, len(rows) + 1)).any():
         raise ValueError("its epochs do not count from 1")
-    if not np.isfinite(rows["seconds"]).all():
-        raise ValueError("its seconds are not all numbers")
+    if not np.isfinite(rows["seconds"]).all() or (np.diff(rows["seconds"], prepend=0) < 0).any():
+        raise ValueError("its seconds are not all numbers that rise from 0")
+    if infinite := [name for name in rows if np.isinf(rows[name]).any()]:
+        raise ValueError(f"its column {infinite[0]} has a number that is not finite")
 
 
 def _cost(result: dict[str, Any] | None, rows: pd.DataFrame, epoch: int) -> dict[str, Any]:

@@ -31,9 +31,6 @@ CAPTIONS = MappingProxyType(
         "better, at every τ.",
         "comparison": "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small "
         "dots are seeds.",
-        "figure-4": "The methods of the paper's Figure 4.",
-        "figure-6c": "The methods of the paper's Figure 6C.",
-        "figure-7": "The methods of the paper's Figure 7: what the hybrid mechanism and the curiosity method add.",
     }
 )
 """What each kind of figure shows, by the end of its file's name."""

@@ -47,6 +47,7 @@ class Sample:
 
     @property
     def n_seeds(self) -> int:
+        """Its number of seeds."""
         return len(self.success)
 
 

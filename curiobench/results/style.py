@@ -46,6 +46,7 @@ def theme() -> Iterator[None]:
         "lines.markersize": 4,
         "pdf.fonttype": 42,
         "svg.hashsalt": "curiobench",
+        "text.parse_math": False,  # names of goals and options come from files
     }
     context = seaborn.plotting_context("paper")
     with matplotlib.rc_context({**seaborn.axes_style("ticks"), **context, **ours}):

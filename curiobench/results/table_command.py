@@ -4,6 +4,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,7 +39,7 @@ def show_tables(arguments: "TableArguments") -> None:
     """
     if arguments.like and arguments.each_run:
         raise ValueError("--like paper and --each-run are different tables; ask for one of them")
-    single = len(arguments.runs) == 1 and (arguments.runs[0] / "config.json").exists()
+    single = len(arguments.runs) == 1 and isfile(arguments.runs[0] / "config.json")
     each_run = arguments.each_run or (single and arguments.like is None)
     if arguments.baseline and (each_run or arguments.like):
         other = "--like paper" if arguments.like else "single runs"

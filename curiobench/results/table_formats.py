@@ -94,7 +94,7 @@ def comma_separated(table: Table) -> str:
     """One table as csv: a header row, numbers in full, an interval in the columns `…_low` and `…_high`."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    intervals = {column.key for column in table.columns if any(_has_interval(row, column) for row in table.rows)}
+    intervals = {column.key for column in table.columns if any(_is_estimate(row, column) for row in table.rows)}
     writer.writerow([name for column in table.columns for name in _csv_names(column.key, column.key in intervals)])
     for row in table.rows:
         writer.writerow(
@@ -103,7 +103,7 @@ def comma_separated(table: Table) -> str:
     return text.getvalue().rstrip("\n")
 
 
-def _has_interval(row: dict[str, Value], column: Column) -> bool:
+def _is_estimate(row: dict[str, Value], column: Column) -> bool:
     return isinstance(row.get(column.key), Estimate)
 
 

@@ -25,7 +25,8 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     flat = [flatten(run) for run in options]
     found = [""] * len(flat)
     for members in _groups(flat, "task", "method"):
-        named = ["preset"] if len({flat[i]["preset"] for i in members}) > 1 else []
+        differing = _differing([flat[i] for i in members])
+        named = ["preset"] if "preset" in differing and len(differing) > 1 else []  # the name alone sets no run apart
         for alike in _groups([flat[i] for i in members], "preset"):
             within = [members[i] for i in alike]
             names = named + [name for name in _differing([flat[i] for i in within]) if name != "preset"]

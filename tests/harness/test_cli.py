@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -140,3 +141,21 @@ def test_video(finished, tmp_path, suffix):
     assert code == 0
     assert text.startswith(f"{out}: ")
     assert out.stat().st_size > 5_000
+
+
+def test_a_path_too_long_and_a_closed_folder_take_one_line(cli, tmp_path, monkeypatch):
+    for command in ("table", "submit-check"):
+        code, _, err = cli(command, "a" * 300)
+        assert (code in (1, 2), err.count("\n"), "Traceback" in err) == (True, 1, False)
+
+    def closed(self):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "is_dir", closed)
+    code, _, err = cli("report", tmp_path, "--out", tmp_path / "report.html")
+    assert (code, err) == (2, f"curiobench: {tmp_path / 'report.html'}: Permission denied\n")
+
+
+def test_a_message_is_one_line_that_a_terminal_does_not_obey(cli):
+    code, _, err = cli("no\nsuch\x1b[31m")
+    assert (code, err.count("\n"), "\x1b" in err) == (2, 1, False)

@@ -182,7 +182,15 @@ def ones(*shape: int, **options) -> torch.Tensor:
             r"update\(\) returned rnd_loss = .* carries gradients; ",
         ),
         ("update", lambda *_: None, r"update\(\) returned a NoneType; expected a dict of metrics"),
-        ("update", lambda *_: {0: ones()}, r"update\(\) returned a metric named 0; expected text"),
+        ("update", lambda *_: {0: ones()}, r"update\(\) returned a metric named 0; expected a letter"),
+        ("update", lambda *_: {"run": ones()}, r"update\(\) returned the metric run, which is the agent's own"),
+        (
+            "update",
+            lambda *_: {"a,b": ones()},
+            r"update\(\) returned a metric named 'a,b'; expected a letter",
+        ),
+        ("update", lambda *_: {"": ones()}, r"update\(\) returned a metric named ''; expected a letter"),
+        ("update", lambda *_: {"a\nb": ones()}, r"update\(\) returned a metric named 'a\\nb'; expected a letter"),
         ("update", lambda *_: {"q": ones()}, r"update\(\) returned the metric q, which is the agent's own; .* my_q"),
         ("update", lambda *_: {}, r"update\(\) returned no metric rnd_loss, unlike the update before"),
         (

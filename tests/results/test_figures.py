@@ -198,6 +198,14 @@ def test_heat_map_has_every_goal_by_layer_and_every_method(samples):
     assert len(blocks[0].texts) == 8 * 2 + 1  # numbers, and the layer's name
 
 
+def test_a_dollar_in_a_name_is_a_dollar(samples, tmp_path):
+    task = samples(seeds=1, methods=("sac",))
+    task = replace(task, goals=(r"$\frac{x$", *task.goals[1:]))
+    with theme():
+        for figure in draw_heat_map(task, task.samples):
+            figure.savefig(tmp_path / "map.png")
+
+
 def test_heat_map_leaves_numbers_out_where_there_is_no_room(drawn):
     names = [f"lab:Class{i}" for i in range(18)]
     (figure,) = drawn(draw_heat_map, methods=names, seeds=1)

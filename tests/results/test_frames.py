@@ -1,16 +1,21 @@
 """Frames: what the runs hold, and every folder that is missing, partial, duplicate, foreign or damaged is named."""
 
+import hashlib
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
 
 from curiobench.results import evaluations
+from curiobench.results import published as published_module
+from curiobench.results.folders import PUBLISHED_FILES
 from curiobench.results.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, in_order, read_results
+from curiobench.results.published import SUMS
 from curiobench.tasks.goals import goal_space
 
 
@@ -300,7 +305,10 @@ def test_damaged_evaluations_are_named(make_runs, tmp_path, name, every_goal):
         (replaced("\n2,", "\n3,"), "its epochs do not count from 1"),
         (replaced(",0.3,", ",high,"), "its column reward does not hold numbers"),
         (replaced("seconds", "time"), "it has no column seconds"),
-        (replaced(",36.0\n", ",inf\n"), "its seconds are not all numbers"),
+        (replaced(",36.0\n", ",inf\n"), "its seconds are not all numbers that rise from 0"),
+        (replaced(",36.0\n", ",-1\n"), "its seconds are not all numbers that rise from 0"),
+        (replaced(",0.3,", ",inf,"), "its column reward has a number that is not finite"),
+        (lambda text: text.splitlines()[0] + "\n", "it has no rows"),
     ],
 )
 def test_damaged_progress_is_named(make_runs, tmp_path, change, message):
@@ -438,7 +446,15 @@ def published(make_runs, tmp_path):
     results.runs.to_csv(folder / "runs.csv", index=False)
     results.evaluations.to_csv(folder / "evaluations.csv.gz", index=False)
     results.progress.to_csv(folder / "progress.csv.gz", index=False)
+    write_sums(folder)
     return folder, results
+
+
+def write_sums(folder):
+    """Digests of a set's files, as `publish` writes them."""
+    files = [folder / name for name in PUBLISHED_FILES]
+    sums = [f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files]
+    (folder / SUMS).write_text("".join(sums))
 
 
 def test_a_published_set_reads_as_the_folders_it_was_made_from(published):
@@ -471,6 +487,10 @@ def test_a_published_run_and_its_folder_are_duplicates(published, tmp_path):
         ("runs.csv", lambda f: f.assign(run="same"), "a run is in runs.csv twice"),
         ("runs.csv", lambda f: f.assign(config="{"), "Expecting property name"),
         ("runs.csv", lambda f: f.iloc[1:], "has rows, but is not in runs.csv"),
+        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of stack2-sac-0 is inf, which cannot be"),
+        ("runs.csv", lambda f: f.assign(updates=-1), "updates of stack2-sac-0 is -1.0, which cannot be"),
+        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is no name of a run"),
+        ("evaluations.csv.gz", lambda f: f[f["epoch"] < 4], "has 3 of 4 epochs and is said to be complete"),
         ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows; it takes 35"),
         ("evaluations.csv.gz", lambda f: f[f["task"] == "stack3"], "has no evaluation"),
         ("progress.csv.gz", lambda f: f.drop(columns="epoch"), "has no column epoch"),
@@ -480,6 +500,7 @@ def test_a_damaged_published_set_is_named(published, name, change, message):
     folder, results = published
     frame = {"runs.csv": results.runs, "evaluations.csv.gz": results.evaluations, "progress.csv.gz": results.progress}
     change(frame[name]).to_csv(folder / name, index=False)
+    write_sums(folder)
     found = read_results([folder])
     assert found.runs.empty
     assert one_fault(found).startswith(f"{folder}: ")
@@ -489,4 +510,69 @@ def test_a_damaged_published_set_is_named(published, name, change, message):
 def test_a_published_set_that_is_no_gzip_is_named(published):
     folder, _ = published
     (folder / "evaluations.csv.gz").write_bytes(b"plain text")
+    write_sums(folder)
     assert "Not a gzipped file" in one_fault(read_results([folder]))
+
+
+def test_a_published_set_with_a_flipped_bit_is_named(published):
+    folder, _ = published
+    for file in ("evaluations.csv.gz", "progress.csv.gz"):
+        content = bytearray((folder / file).read_bytes())
+        content[len(content) // 2] ^= 1
+        (folder / file).write_bytes(content)
+        assert f"{file} is not the file that was published" in one_fault(read_results([folder]))
+        write_sums(folder)
+        assert one_fault(read_results([folder])).startswith(f"{folder}: ")
+
+
+def test_a_set_twice_is_read_once(published):
+    folder, results = published
+    again = read_results([folder, folder])
+    assert (len(again.runs), again.faults) == (len(results.runs), ())
+
+
+def test_a_set_of_this_package_is_found_by_its_name_unless_a_folder_has_it(published, tmp_path, monkeypatch):
+    folder, results = published
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    monkeypatch.setattr(published_module, "_home", lambda: folder.parent)
+    assert read_results([Path("v1")]).runs.equals(results.runs)
+    Path("v1").mkdir()
+    assert "v1 is no run folder" in one_fault(read_results([Path("v1")]))
+
+
+def test_a_run_has_its_folders_name_from_within(make_runs, monkeypatch):
+    first, *_ = make_runs(seeds=1)
+    monkeypatch.chdir(first)
+    assert list(read_results([Path()]).runs["run"]) == [first.name]
+
+
+def test_huge_numbers_in_one_result_leave_the_other_runs_alone(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    for name in ("seconds", "peak_memory_mb", "success", "updates"):
+        edit(first / "result.json", lambda result, name=name: result.update({name: 10**400}))
+        results = read_results([tmp_path / "runs"])
+        assert "must be a number from 0 to 1e+15" in one_fault(results)
+        assert len(results.runs) == 1
+
+
+def test_a_result_that_tells_other_updates_than_the_rows_is_named(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    edit(first / "result.json", lambda result: result.update(updates=7))
+    for progress in (True, False):
+        results = read_results([tmp_path / "runs"], progress=progress)
+        assert "progress.csv: its last row has 40 updates, result.json 7" in one_fault(results)
+
+
+def test_a_missing_progress_is_named_also_where_it_is_not_read(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    (first / "progress.csv").unlink()
+    assert "the file is missing" in one_fault(read_results([tmp_path / "runs"], progress=False))
+
+
+def test_the_name_of_a_preset_alone_sets_no_run_apart(make_runs, tmp_path):
+    for seed, preset in enumerate(("short", "laptop")):
+        make_runs(methods=("icm",), seeds=[seed], options={"preset": preset}, suffix=f"-{preset}")
+    assert list(read_results([tmp_path / "runs"]).runs["variant"]) == ["", ""]
+    make_runs(methods=("icm",), seeds=[1], options={"preset": "short"}, suffix="-again")
+    assert "is a duplicate of" in one_fault(read_results([tmp_path / "runs"]))

@@ -216,9 +216,9 @@ def test_a_failure_at_any_stage_leaves_what_was_there(make_runs, out, undrawn, m
 def test_a_kill_at_any_rename_is_made_good(make_runs, out, undrawn, renames):
     runs = make_runs(seeds=2)
     publish(runs[:3], out)
-    new = Path(shutil.copytree(out, out.with_name(".v1.new")))
+    new = Path(shutil.copytree(out, out.with_name(".v1.curiobench-new")))
     if renames > 0:
-        out.rename(out.with_name(".v1.old"))
+        out.rename(out.with_name(".v1.curiobench-old"))
     if renames > 1:
         new.rename(out)
     publish(runs, out)
