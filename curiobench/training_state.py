@@ -1,6 +1,7 @@
 """Everything that training changes: worlds, agent, replay, random streams and counters; saved and restored together."""
 
 import resource
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -66,10 +67,11 @@ class Counters:
 def _peak_memory_mb() -> float:
     """Largest resident memory of this process so far, in MB."""
     status = Path("/proc/self/status")
-    if status.exists():  # the resource module would also count the process that started this one
-        (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-        return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2  # bytes on macOS
+    lines = status.read_text().splitlines() if status.exists() else []
+    for line in lines:
+        if line.startswith("VmHWM:"):  # the resource module would also count the process that started this one
+            return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024**2 if sys.platform == "darwin" else 1024)
 
 
 def pair_layout(goal_space: GoalSpace) -> PairLayout:
