@@ -61,7 +61,7 @@ def pictures(results: "Results") -> list[Picture]:
 def _picture(path: Path) -> Picture:
     content = shortened(path.read_bytes())
     task, _, name = path.stem.partition("-")
-    kind = re.sub(r"-\d+$", "", name) if name not in CAPTIONS else name
+    kind = re.sub(r"-\d+$", "", name)
     caption = f"{task}: {CAPTIONS.get(kind, kind.replace('-', ' '))}"
     source = f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}"
     return Picture(source, caption, f"{caption} The tables of this page hold the last values.", *_size(content))
