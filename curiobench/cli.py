@@ -117,9 +117,11 @@ def figure(arguments: Sequence[str]) -> None:
     check_named(parsed.runs)
     from curiobench.results.figures import draw_figures
     from curiobench.results.frames import read_results
+    from curiobench.workers import cores
 
-    results = read_results(parsed.runs, parsed.partial, every_goal=False, progress=["share_exploitation"])
-    for file in draw_figures(results, parsed.out, parsed.like, parsed.format.split(",")):
+    processes = cores()
+    results = read_results(parsed.runs, parsed.partial, False, ["share_exploitation"], processes)
+    for file in draw_figures(results, parsed.out, parsed.like, parsed.format.split(","), processes):
         print(file)
     tell_faults(results, "figures")
 

@@ -2,8 +2,9 @@
 
 import csv
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -66,6 +67,14 @@ class Evaluations:
     episodes_unsatisfied: np.ndarray
     """`(K, G)` … whose goal did not hold at the start."""
 
+    def detailed(self) -> "Evaluations":
+        """The last K of them; the others take no more memory."""
+        known = len(self.episodes)
+        if known == len(self.epoch):
+            return self
+        names = ("epoch", "steps", "success", "success_unsatisfied", "learned")
+        return replace(self, **{name: getattr(self, name)[-known:].copy() for name in names})
+
     def layers(self) -> dict[str, np.ndarray]:
         """Columns of the frame `layers`, `(E × (L + 1),)` each: every evaluation's layers, 0 for all goals together."""
         kinds = np.unique(self.layer)
@@ -101,11 +110,18 @@ def read_evaluations(path: Path, task: str, every_goal: bool = True, tolerant: b
     Raises:
         ValueError: the file is missing, damaged, or not of this task; names the file.
     """
-    try:
+    with naming(path):
         content = read_bytes(path, whole=not tolerant)
         whole = _whole_evaluations(content) if tolerant else content
         dropped = "" if len(whole) == len(content) else f"{path}: its last evaluation is not all there, and left out"
         return _parse(whole, task, every_goal), dropped
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Turns whatever a damaged csv file raises into one line, as a ValueError that names the file."""
+    try:
+        yield
     except (ValueError, TypeError, OverflowError, csv.Error) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     except OSError as error:
@@ -167,7 +183,8 @@ def _last_rows(content: bytes, n_rows: int) -> dict[str, np.ndarray]:
 
 def check_header(content: bytes, columns: Iterable[str]) -> list[str]:
     """Names of the columns of a csv file; raises ValueError where it lacks one."""
-    header = content.partition(b"\n")[0].decode().strip().split(",")
+    end = content.find(b"\n")
+    header = content[: end if end >= 0 else None].decode().strip().split(",")
     if lacking := [name for name in columns if name not in header]:
         raise ValueError(f"it has no column {', '.join(lacking)}")
     return header

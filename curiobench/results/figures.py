@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from curiobench.results.profiles import draw_profile
 from curiobench.results.samples import Sample, TaskSamples, task_samples
 from curiobench.results.statistics import seed_warnings
 from curiobench.results.style import base, caption, method_name, seeds, theme
+from curiobench.workers import no_collection, parallel_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,7 +77,11 @@ PAPER = MappingProxyType(
 
 
 def draw_figures(
-    results: "Results", out: Path, like: str | None = None, formats: Sequence[str] = ("pdf", "png")
+    results: "Results",
+    out: Path,
+    like: str | None = None,
+    formats: Sequence[str] = ("pdf", "png"),
+    processes: int = 1,
 ) -> list[Path]:
     """Draw the figures of each task; files of the same names are replaced.
 
@@ -85,6 +91,7 @@ def draw_figures(
         like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them that there are, each over the
             others; None draws everything of all methods.
         formats: some of `FORMATS`.
+        processes: how many draw side by side, where the system can fork; the files do not depend on it.
 
     Returns:
         The files.
@@ -96,37 +103,49 @@ def draw_figures(
         raise ValueError(f"like is {like!r}; it can be 'paper'")
     if unknown := sorted(set(formats) - set(FORMATS)):
         raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
-    chosen = [(task, *figure) for task in task_samples(results) for figure in _chosen(task, like)]
+    chosen = [figure for task in task_samples(results) for figure in _chosen(task, like)]
     if not chosen:
         raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(PAPER['figure-4'].methods)}")
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with theme():
-            return [
-                file
-                for task, name, kind, samples in chosen
-                for file in _write(task, kind, samples, out / f"{task.task}-{name}", formats)
-            ]
+        with theme(), no_collection():
+            files = parallel_map(partial(_write, out=out, formats=formats), chosen, processes)
     except OSError as error:
         raise ValueError(f"cannot write to {out}: {error.strerror}") from None
+    return [file for of_one in files for file in of_one]
 
 
-def _chosen(task: TaskSamples, like: str | None) -> list[tuple[str, Kind, list[Sample]]]:
-    """Name, kind and samples of each figure of a task that has samples."""
+@dataclass(frozen=True)
+class _Chosen:
+    """A figure that is to be drawn."""
+
+    name: str
+    """Of its files, without page and suffix."""
+    kind: Kind
+    """How it is drawn."""
+    task: TaskSamples
+    """All samples of its task."""
+    samples: Samples
+    """Those in it."""
+
+
+def _chosen(task: TaskSamples, like: str | None) -> list[_Chosen]:
+    """The figures of a task that have samples."""
     chosen = []
     for name, kind in (PAPER if like else KINDS).items():
         if samples := [sample for sample in task.samples if kind.shows(sample)]:
-            chosen.append((name, kind, samples))
+            chosen.append(_Chosen(f"{task.task}-{name}", kind, task, samples))
     return chosen
 
 
-def _write(task: TaskSamples, kind: Kind, samples: Samples, path: Path, formats: Sequence[str]) -> list[Path]:
-    """Draw one kind of figure and save its pages."""
-    pages = kind.draw(task, samples)
+def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
+    """Draw one figure and save its pages."""
+    pages = chosen.kind.draw(chosen.task, chosen.samples)
     files = []
     for number, figure in enumerate(pages, start=1):
-        caption(figure, _caption(task, kind, samples))
-        files += save(figure, path if len(pages) == 1 else path.with_name(f"{path.name}-{number}"), formats)
+        caption(figure, _caption(chosen.task, chosen.kind, chosen.samples))
+        page = chosen.name if len(pages) == 1 else f"{chosen.name}-{number}"
+        files += save(figure, out / page, formats)
     return files
 
 

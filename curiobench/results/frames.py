@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.methods.specs import canonical, shown
-from curiobench.results.folders import Cell, look
-from curiobench.results.published import by_name
-from curiobench.results.published_rows import read_published
-from curiobench.results.reading import Head, Run, read_head, read_run
+from curiobench.methods.specs import shown
+from curiobench.results.collecting import Collector, Wanted
+from curiobench.results.reading import Run
 from curiobench.results.variants import variants
 from curiobench.run_folder import PACKAGES
+from curiobench.workers import no_collection
 
 __all__ = ["METHOD_ORDER", "Results", "in_order", "read_results", "shown"]
 
@@ -72,6 +71,7 @@ def read_results(
     partial: bool = False,
     every_goal: bool = True,
     progress: bool | Sequence[str] = True,
+    processes: int = 1,
 ) -> Results:
     """Read runs; imports no method and changes nothing.
 
@@ -82,121 +82,38 @@ def read_results(
         every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time. `layers` is
             the same either way.
         progress: read progress.csv; or only these columns of it and those that every run has.
+        processes: how many read folders side by side, where there are many and the system can fork; what is read does
+            not depend on it.
 
     Returns:
         The runs that can be used, sorted by task, method, variant and seed, and faults about all others.
     """
-    reader = _Reader(partial, every_goal, progress)
-    for path in map(Path, paths):
-        reader.add(path)
-    return reader.results()
+    with no_collection():
+        collector = Collector(Wanted(every_goal, progress), processes)
+        for path in map(Path, paths):
+            collector.add(path)
+        if partial:
+            collector.add_unfinished()
+        else:
+            collector.leave_out_unfinished()
+        return _results(collector)
 
 
-class _Reader:
-    """Collects runs and faults, path after path."""
-
-    def __init__(self, partial: bool, every_goal: bool, progress: bool | Sequence[str]) -> None:
-        self._partial, self._every_goal, self._progress = partial, every_goal, progress
-        self._seen: set[Path] = set()
-        self._kept: dict[str, Run] = {}
-        self._unfinished: list[tuple[Head, list[str]]] = []
-        self._faults: list[str] = []
-        self._absent: list[str] = []
-
-    def add(self, path: Path) -> None:
-        """Read what a path stands for."""
-        path = by_name(path)
-        try:
-            found = look(path)
-            published = read_published(path, self._every_goal) if found.published else []
-        except (ValueError, OSError) as error:
-            self._absent.append(str(error))
-            return
-        named = path in found.runs
-        self._faults += found.faults
-        if found.published:
-            self._add_published(path.resolve(), published)
-        for folder, cell in found.runs.items():
-            self._add_folder(folder, cell, self._absent if named else self._faults)
-
-    def _add_published(self, path: Path, runs: Sequence[Run]) -> None:
-        if path not in self._seen:
-            self._seen.add(path)
-            for run in runs:
-                self._keep(run, self._faults)
-
-    def _add_folder(self, folder: Path, cell: Cell | None, faults: list[str]) -> None:
-        if folder.resolve() in self._seen:
-            return  # the same folder by two of the paths
-        self._seen.add(folder.resolve())
-        try:
-            head = read_head(folder)
-            if cell is not None:
-                _check_cell(head, cell)
-            if head.result is not None:
-                self._keep_folder(head, faults)
-            else:
-                self._unfinished.append((head, faults))
-        except (ValueError, OverflowError) as error:
-            faults.append(f"{error}; left out")
-        except OSError as error:
-            faults.append(f"cannot read {error.filename}: {error.strerror}; left out")
-
-    def _keep_folder(self, head: Head, faults: list[str]) -> None:
-        if not self._is_new(head, faults):
-            return
-        run = read_run(head, self._every_goal, self._progress)
-        self._faults += run.notes
-        self._keep(run, faults)
-
-    def _is_new(self, head: Head, faults: list[str]) -> bool:
-        if first := self._kept.get(head.identity()):
-            faults.append(f"{head.path} is a duplicate of {first.head.path}: the same config; left out")
-        return first is None
-
-    def _keep(self, run: Run, faults: list[str]) -> None:
-        if self._is_new(run.head, faults):
-            self._kept[run.head.identity()] = run
-
-    def _take_unfinished(self) -> None:
-        """Partial runs come last, so that none takes the place of a complete one."""
-        for head, faults in self._unfinished:
-            if not self._partial:
-                faults.append(f"{head.path} is partial: it has no result.json; left out")
-                continue
-            try:
-                self._keep_folder(head, faults)
-            except ValueError as error:
-                faults.append(f"{error}; left out")
-        self._unfinished.clear()
-
-    def results(self) -> Results:
-        """The frames of all that was added."""
-        self._take_unfinished()
-        kept = list(self._kept.values())
-        texts = variants([run.head.decisive() for run in kept])
-        order = sorted(range(len(kept)), key=lambda i: _key(kept[i], texts[i]))
-        runs = [kept[i] for i in order]
-        frame = _runs_frame(runs, [texts[i] for i in order])
-        return Results(
-            frame,
-            _evaluations_frame(runs, frame),
-            _layers_frame(runs, frame),
-            _progress_frame(runs, frame),
-            {name: run.head.config_file for name, run in zip(frame["run"], runs, strict=True)},
-            (*self._faults, *self._absent),
-            tuple(self._absent),
-        )
-
-
-def _check_cell(head: Head, cell: Cell) -> None:
-    """Raises ValueError where a run is not the one that the grid has in its folder."""
-    found = tuple(head.config[name] for name in ("task", "method", "seed"))
-    if found != (cell.task, canonical(cell.method), cell.seed):
-        told = "{} {} seed {}".format(*found)
-        raise ValueError(
-            f"{head.path} is foreign: it is {told}, not the grid's {cell.task} {cell.method} seed {cell.seed}"
-        )
+def _results(collector: Collector) -> Results:
+    kept = collector.runs()
+    texts = variants([run.head.decisive() for run in kept])
+    order = sorted(range(len(kept)), key=lambda i: _key(kept[i], texts[i]))
+    runs = [kept[i] for i in order]
+    frame = _runs_frame(runs, [texts[i] for i in order])
+    return Results(
+        frame,
+        _evaluations_frame(runs, frame),
+        _layers_frame(runs, frame),
+        _progress_frame(runs, frame),
+        {name: run.head.config_file for name, run in zip(frame["run"], runs, strict=True)},
+        (*collector.faults, *collector.absent),
+        tuple(collector.absent),
+    )
 
 
 def _key(run: Run, variant: str) -> tuple[Any, ...]:
@@ -238,19 +155,17 @@ def _evaluations_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame
     parts = [run.evaluations for run in runs]
     if not parts:
         return pd.DataFrame(columns=list(EVALUATION_COLUMNS))
-    shapes = [part.episodes.shape for part in parts]  # (K, G) each
+    shapes = [part.episodes.shape for part in parts]  # (E, G) each
     columns = _identity(frame, [n * goals for n, goals in shapes])
     for name in ("epoch", "steps"):
         columns[name] = np.concatenate(
-            [np.repeat(getattr(part, name)[-n:], goals) for part, (n, goals) in zip(parts, shapes, strict=True)]
+            [np.repeat(getattr(part, name), goals) for part, (_, goals) in zip(parts, shapes, strict=True)]
         )
     for name in ("goal", "bits"):
         columns[name] = _categorical([getattr(part, name) for part in parts], [n for n, _ in shapes])
     columns["layer"] = np.concatenate([np.tile(part.layer, n) for part, (n, _) in zip(parts, shapes, strict=True)])
     for name in ("episodes", "success", "episodes_unsatisfied", "success_unsatisfied", "learned"):
-        columns[name] = np.concatenate(
-            [getattr(part, name)[-n:].ravel() for part, (n, _) in zip(parts, shapes, strict=True)]
-        )
+        columns[name] = np.concatenate([getattr(part, name).ravel() for part in parts])
     columns["learned"] = columns["learned"].astype(np.int8)
     return pd.DataFrame(columns, columns=list(EVALUATION_COLUMNS), copy=False)
 
@@ -268,7 +183,7 @@ def _layers_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame:
     names = ("epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
     if not runs:
         return pd.DataFrame(columns=[*IDENTITY, *names])
-    parts = [run.evaluations.layers() for run in runs]
+    parts = [run.layers for run in runs]
     columns = _identity(frame, [len(part["epoch"]) for part in parts])
     return pd.DataFrame(columns | {name: np.concatenate([part[name] for part in parts]) for name in names}, copy=False)
 

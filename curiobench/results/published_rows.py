@@ -98,7 +98,7 @@ def _run(
     progress = pd.DataFrame() if details is None else _own_columns(details)
     config_file = folder / CONFIGS / f"{row['run']}.json"
     head = Head(folder / row["run"], config, values, None, config_file, row["method_sha256"])
-    return Run(head, values, found, progress)
+    return Run(head, values, found.detailed(), found.layers(), progress)
 
 
 def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:

@@ -15,7 +15,7 @@ import pandas as pd
 from curiobench.config import CONFIG_VERSION, LARGEST_SEED
 from curiobench.files import read_json
 from curiobench.methods.specs import HYBRID, canonical, shown
-from curiobench.results.evaluations import Evaluations, check_header, parse_csv, read_bytes, read_evaluations
+from curiobench.results.evaluations import Evaluations, check_header, naming, parse_csv, read_bytes, read_evaluations
 from curiobench.run_folder import PACKAGES, read_record
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
@@ -63,7 +63,9 @@ class Run:
     values: dict[str, Any]
     """Columns of the frame `runs`, all but `run` and `variant`."""
     evaluations: Evaluations
-    """Its evaluations."""
+    """Its evaluations, those of which all details were read."""
+    layers: dict[str, np.ndarray]
+    """Every evaluation's means over the goals of each layer: `Evaluations.layers`."""
     progress: pd.DataFrame
     """Rows of progress.csv."""
     notes: tuple[str, ...] = ()
@@ -189,15 +191,12 @@ def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str]
     evaluations, dropped = read_evaluations(head.path / "evaluations.csv", head.config["task"], every_goal, partial)
     if head.result is not None:
         _check_result(head.path, head.result, evaluations)
-    rows = pd.DataFrame()
-    if progress or partial:
-        rows, dropped_progress = read_progress(head.path / "progress.csv", progress, partial)
-    if head.result is not None:
-        _check_end(head.path / "progress.csv", head.result)
+    rows, dropped_progress = read_progress(head.path / "progress.csv", progress or partial, head.result)
     epoch = int(evaluations.epoch[-1])
     values = head.values | {"epoch": epoch, "steps": int(evaluations.steps[-1])} | _cost(head.result, rows, epoch)
-    notes = (dropped, dropped_progress if progress or partial else "")
-    return Run(head, values, evaluations, rows if progress else pd.DataFrame(), tuple(filter(None, notes)))
+    notes = tuple(filter(None, (dropped, dropped_progress)))
+    details = evaluations.detailed()
+    return Run(head, values, details, evaluations.layers(), rows if progress else pd.DataFrame(), notes)
 
 
 def _check_result(path: Path, result: dict[str, Any], evaluations: Evaluations) -> None:
@@ -220,57 +219,65 @@ def _check_result(path: Path, result: dict[str, Any], evaluations: Evaluations) 
         raise ValueError(f"{path}: result.json and evaluations.csv disagree in learned_by_layer")
 
 
-def _check_end(path: Path, result: dict[str, Any]) -> None:
-    """Raises ValueError where progress.csv, of which only the last row is parsed, has another end than result.json."""
-    try:
-        content = read_bytes(path, whole=True)
-        header = check_header(content, PROGRESS_COLUMNS)
-        n_rows = content.count(b"\n") - 1
-        if n_rows != result["epochs"]:
-            raise ValueError(f"it has {n_rows} rows for {result['epochs']} epochs")
-        (last,) = csv.reader([content[:-1].rpartition(b"\n")[2].decode()])
-        found = dict(zip(header, last, strict=False))
-        for name in ("steps", "updates"):
-            if float(found.get(name, "nan")) != result[name]:
-                raise ValueError(f"its last row has {found.get(name)} {name}, result.json {result[name]}")
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path}: {error}") from None
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+def read_progress(
+    path: Path, progress: bool | Sequence[str], result: Mapping[str, Any] | None
+) -> tuple[pd.DataFrame, str]:
+    """Rows of progress.csv.
 
+    Args:
+        path: of the file.
+        progress: see `read_run`; with False only the end of the file is checked.
+        result: what result.json holds; None for a run that is not finished, whose last row may be cut off.
 
-def read_progress(path: Path, progress: bool | Sequence[str], tolerant: bool) -> tuple[pd.DataFrame, str]:
-    """Rows of progress.csv, and what was left out of a run at work ("" for nothing).
+    Returns:
+        The rows, and what was left out ("" for nothing).
 
-    Raises ValueError where the file is missing or damaged; names the file.
+    Raises:
+        ValueError: the file is missing, damaged, or has another end than result.json; names the file.
     """
-    if tolerant and not path.exists():
+    if result is None and not path.exists():
         return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
-    try:
-        content = read_bytes(path, whole=not tolerant)
+    with naming(path):
+        content = read_bytes(path, whole=result is not None)
         whole = content[: content.rfind(b"\n") + 1]
         header = check_header(whole, PROGRESS_COLUMNS)
-        wanted = header if isinstance(progress, bool) else [name for name in header if name in progress]
-        columns = tuple(dict.fromkeys([*PROGRESS_COLUMNS, *wanted]))
-        rows = parse_csv(whole, columns, {"epoch": np.int32, "steps": np.int64, "updates": np.int64})
-        _check_progress(rows)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+        rows = _parse_progress(whole, header, progress) if progress else pd.DataFrame()
+        if result is not None:
+            _check_end(whole, header, result)
     return rows, "" if len(whole) == len(content) else f"{path}: its last row is not all there, and left out"
+
+
+def _parse_progress(content: bytes, header: Sequence[str], progress: bool | Sequence[str]) -> pd.DataFrame:
+    wanted = header if isinstance(progress, bool) else [name for name in header if name in progress]
+    columns = tuple(dict.fromkeys([*PROGRESS_COLUMNS, *wanted]))
+    rows = parse_csv(content, columns, {"epoch": np.int32, "steps": np.int64, "updates": np.int64})
+    _check_progress(rows)
+    return rows
+
+
+def _check_end(content: bytes, header: Sequence[str], result: Mapping[str, Any]) -> None:
+    """Raises ValueError where progress.csv, of which only the last row is parsed, has another end than result.json."""
+    n_rows = content.count(b"\n") - 1
+    if n_rows != result["epochs"]:
+        raise ValueError(f"it has {n_rows} rows for {result['epochs']} epochs")
+    (last,) = csv.reader([content[:-1].rpartition(b"\n")[2].decode()])
+    found = dict(zip(header, last, strict=False))
+    for name in ("steps", "updates"):
+        if float(found.get(name, "nan")) != result[name]:
+            raise ValueError(f"its last row has {found.get(name)} {name}, result.json {result[name]}")
 
 
 def _check_progress(rows: pd.DataFrame) -> None:
     if rows.empty:
         raise ValueError("it has no rows")
-    if text := [name for name in rows if len(rows) and not pd.api.types.is_numeric_dtype(rows[name])]:
+    columns = {name: rows[name].to_numpy() for name in rows}  # pandas takes longer for each of the steps below
+    if text := [name for name, values in columns.items() if values.dtype.kind not in "biuf"]:
         raise ValueError(f"its column {text[0]} does not hold numbers")
-    if (rows["epoch"].to_numpy() != np.arange(1, len(rows) + 1)).any():
+    if (columns["epoch"] != np.arange(1, len(rows) + 1)).any():
         raise ValueError("its epochs do not count from 1")
-    if not np.isfinite(rows["seconds"]).all() or (np.diff(rows["seconds"], prepend=0) < 0).any():
+    if not np.isfinite(columns["seconds"]).all() or (np.diff(columns["seconds"], prepend=0) < 0).any():
         raise ValueError("its seconds are not all numbers that rise from 0")
-    if infinite := [name for name in rows if np.isinf(rows[name]).any()]:
+    if infinite := [name for name, values in columns.items() if np.isinf(values).any()]:
         raise ValueError(f"its column {infinite[0]} has a number that is not finite")
 
 

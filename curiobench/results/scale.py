@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from curiobench.config import PRESETS
@@ -53,11 +54,14 @@ def _changed(runs: "pd.DataFrame") -> dict[str, Any]:
     return found or {}
 
 
+@cache
+def _usual(preset: str) -> dict[str, Any]:
+    """Options of a preset; none of one that is not known."""
+    return flatten(PRESETS[preset].decisive()) if preset in PRESETS else {}
+
+
 def _changed_in(config: dict[str, Any]) -> dict[str, Any]:
-    preset = PRESETS.get(config["preset"])
-    if preset is None:
-        return {}
-    usual = flatten(preset.decisive())
+    usual = _usual(config["preset"])
     return {
         name: value
         for name, value in flatten(decisive(config)).items()

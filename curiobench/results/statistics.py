@@ -7,6 +7,7 @@ Everything is a function of its arguments: the bootstrap has a seed.
 
 import inspect
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def curve_interval(
     values = _checked(values, range(1, 10))
     if len(values) < 2:
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
-    counts = _counts(len(values), resamples, np.random.default_rng(seed))
+    counts = _counts_of_seed(len(values), resamples, seed)
     means = (counts @ values.reshape(len(values), -1) / len(values)).reshape(resamples, *values.shape[1:])
     low, high = np.quantile(means, _ends(confidence), axis=0)
     return low, high
@@ -224,6 +225,14 @@ def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndar
 def _counts(size: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
     """`(R, S)` how often each seed is in each resample: means over resamples become one matrix product."""
     return rng.multinomial(size, np.full(size, 1 / size), resamples).astype(float)
+
+
+@lru_cache(maxsize=8)
+def _counts_of_seed(size: int, resamples: int, seed: int) -> np.ndarray:
+    """`_counts` from a fresh generator, which a figure's many curves have in common."""
+    counts = _counts(size, resamples, np.random.default_rng(seed))
+    counts.flags.writeable = False
+    return counts
 
 
 def _ends(confidence: float) -> tuple[float, float]:

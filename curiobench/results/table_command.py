@@ -16,6 +16,7 @@ from curiobench.results.paper_tables import flat_paper_table, paper_tables
 from curiobench.results.summaries import summarise
 from curiobench.results.table_formats import comma_separated, latex, markdown, terminal
 from curiobench.results.tables import Table, flat_table, method_tables, run_table
+from curiobench.workers import cores
 
 if TYPE_CHECKING:
     from curiobench.arguments import TableArguments
@@ -44,7 +45,8 @@ def show_tables(arguments: "TableArguments") -> None:
     if arguments.baseline and (each_run or arguments.like):
         other = "--like paper" if arguments.like else "single runs"
         raise ValueError(f"--baseline is for the tables of methods, not for {other}")
-    results = read_results(arguments.runs, arguments.partial or each_run, every_goal=False, progress=False)
+    partial = arguments.partial or each_run
+    results = read_results(arguments.runs, partial, every_goal=False, progress=False, processes=cores())
     if not results.runs.empty:
         tables, flat, name = _tables(arguments, results, each_run)
         if arguments.format == "csv":

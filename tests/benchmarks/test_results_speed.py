@@ -2,7 +2,9 @@
 
     pytest tests/benchmarks/test_results_speed.py --benchmark-only -s
 
-Each command is a process of its own on one core, as a user starts it; the folders are in the page cache.
+Each command is started as a user does, by the clock, three times, of which the fastest counts, as other work on the
+machine only adds; the folders are in the page cache. Both read, and `figure` draws, on all cores that there are: the
+limits hold on two.
 """
 
 import json
@@ -18,12 +20,16 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent / "results"))  # whose generator of run folders this needs
 from synthetic import write_run
 
+from curiobench.workers import cores
+
 METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi", "dac+hm")
 SEEDS = 50
 EPOCHS = 499
 """With the evaluation before training, 500."""
 SECONDS = 10
 BYTES = 10**9
+"""Of all processes together, each of which takes no more than the largest."""
+PROCESSES = cores()
 
 
 def success(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
@@ -46,7 +52,7 @@ def many(tmp_path_factory) -> Path:
 
 
 def run(words: list[str], output: Path) -> tuple[int, float, float, int]:
-    """Exit code, wall-clock seconds, processor seconds and peak bytes of a command."""
+    """Exit code, wall-clock seconds, processor seconds of all its processes, and peak bytes of the largest of them."""
     started = time.perf_counter()
     with open(output, "w") as file:
         process = subprocess.Popen(words, stdout=file, stderr=file, env=os.environ | {"OMP_NUM_THREADS": "1"})
@@ -60,9 +66,11 @@ def test_500_runs_take_under_10_seconds_and_a_gigabyte(benchmark, many, tmp_path
     words = [sys.executable, "-m", "curiobench", command, str(many)]
     if command == "figure":
         words += ["--out", str(tmp_path / "figures")]
-    measured = benchmark.pedantic(run, (words, tmp_path / "output"), rounds=1, iterations=1)
-    code, wall, seconds, peak = measured
-    assert code == 0, (tmp_path / "output").read_text()
-    print(f"\n{command}: {seconds:.1f} s of one core, {wall:.1f} s by the clock, {peak / 1e6:.0f} MB")
-    assert seconds < SECONDS  # by the clock it is as much on an idle machine
-    assert peak < BYTES
+    measured = []
+    benchmark.pedantic(lambda: measured.append(run(words, tmp_path / "output")), rounds=3, iterations=1)
+    assert not any(code for code, *_ in measured), (tmp_path / "output").read_text()
+    print()
+    for _, wall, seconds, peak in measured:
+        print(f"{command}: {wall:.1f} s by the clock, {seconds:.1f} s of processor time, {peak / 1e6:.0f} MB")
+    assert min(wall for _, wall, *_ in measured) < SECONDS
+    assert PROCESSES * max(peak for *_, peak in measured) < BYTES

@@ -3,15 +3,17 @@
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
 
-from curiobench.results import evaluations
+from curiobench.results import collecting, evaluations
 from curiobench.results import published as published_module
 from curiobench.results.folders import PUBLISHED_FILES
 from curiobench.results.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, in_order, read_results
@@ -400,6 +402,26 @@ def test_paths_that_give_nothing_are_named(make_runs, tmp_path):
         f"{tmp_path / 'file'} is no run folder: it is no folder",
         f"{partial} is partial: it has no result.json; left out",
     )
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_several_processes_read_what_one_reads(make_runs, tmp_path, monkeypatch, partial):
+    """With every kind of folder among them: foreign, duplicate, damaged (also as a duplicate), and partial ones."""
+    paths = make_runs(tasks=("stack2", "stack3"), methods=("sac", "icm+hm"), seeds=3, complete=False)
+    for path in make_runs(methods=("rnd", "mihm"), seeds=3):
+        shutil.copytree(path, path.with_name(f"x-{path.name}"))
+    (tmp_path / "runs" / "notes").mkdir()
+    for broken in (paths[0], paths[-1], tmp_path / "runs" / "stack2-rnd-1", tmp_path / "runs" / "x-stack2-mihm-2"):
+        (broken / "evaluations.csv").write_text("epoch\n")
+    (tmp_path / "runs" / "stack2-rnd-2" / "config.json").write_text("{")
+    every = [tmp_path / "runs", paths[1], tmp_path / "none"]
+    plain = read_results(every, partial)
+    monkeypatch.setattr(collecting, "FEWEST", 1)
+    spread = read_results(every, partial, processes=3)
+    assert (len(plain.runs), len(plain.faults)) == ((16, 10) if partial else (6, 20))
+    assert (spread.faults, spread.absent, spread.config_files) == (plain.faults, plain.absent, plain.config_files)
+    for name in ("runs", "evaluations", "layers", "progress"):
+        pd.testing.assert_frame_equal(getattr(spread, name), getattr(plain, name))
 
 
 def test_texts_of_others_stay_on_one_line(make_runs):

@@ -1,0 +1,80 @@
+"""Work on several processes gives what one gives, whatever happens to the others."""
+
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+
+import pytest
+
+from curiobench.workers import MOST, cores, no_collection, parallel_map
+
+HERE = os.getpid()
+linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
+
+
+def square(number):
+    return number**2
+
+
+def worker(number):
+    """A little work, so that no process does all of it, and who did it."""
+    sum(range(100_000))
+    return number, os.getpid()
+
+
+@pytest.mark.parametrize(("items", "processes", "least"), [(0, 2, 1), (1, 2, 1), (40, 1, 1), (40, 3, 1), (40, 9, 16)])
+def test_results_are_those_of_a_loop_in_its_order(items, processes, least):
+    assert parallel_map(square, range(items), processes, least) == [number**2 for number in range(items)]
+    assert not multiprocessing.active_children()
+
+
+@linux
+@pytest.mark.parametrize(("processes", "least", "most"), [(1, 1, 1), (3, 1, 3), (3, 100, 2), (3, 101, 1)])
+def test_several_processes_share_the_work_where_it_is_enough(processes, least, most):
+    numbers, workers = zip(*parallel_map(worker, range(200), processes, least), strict=True)
+    assert numbers == tuple(range(200))
+    assert len(set(workers)) <= most
+    assert (set(workers) == {HERE}) == (most == 1)
+
+
+@linux
+@pytest.mark.parametrize("end", [lambda: 1 / 0, lambda: os.kill(os.getpid(), signal.SIGKILL), lambda: sys.exit(3)])
+def test_what_a_helper_failed_at_is_done_once_more(end, capfd):
+    """A helper that fails, is killed or leaves: nothing of its results is missed, and nothing printed."""
+
+    def fails_elsewhere(number):
+        return end() if os.getpid() != here else worker(number)
+
+    here = os.getpid()
+    assert parallel_map(fails_elsewhere, range(100), 3) == [(number, here) for number in range(100)]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_error_is_raised_and_no_process_stays():
+    def fails(number):
+        raise ValueError(f"no {number}")
+
+    with pytest.raises(ValueError, match=r"^no \d$"):
+        parallel_map(fails, range(10), 3)
+    assert not multiprocessing.active_children()
+
+
+@linux
+def test_large_results_do_not_wait_for_each_other():
+    """A pipe holds 64 KB: a helper that sends more waits until this process is done with its own work."""
+    assert [len(text) for text in parallel_map("x".__mul__, [10**6] * 20, 3)] == [10**6] * 20
+
+
+def test_garbage_is_collected_again_afterwards():
+    with no_collection():
+        assert not gc.isenabled()
+        with no_collection():
+            pass
+        assert not gc.isenabled()
+    assert gc.isenabled()
+
+
+def test_cores_are_those_that_this_process_may_use():
+    assert 1 <= cores() <= min(MOST, os.cpu_count())
