@@ -136,11 +136,6 @@ class EpisodeReplay:
         """Episodes held."""
         return min(self.added, self.config.capacity)
 
-    @property
-    def reached_goals(self) -> np.ndarray:
-        """(R, bits) the valid goals that a held episode ended in, in the order of `valid_goals`."""
-        return self.valid_goals[self.index.counts > 0]
-
     def add(self, episodes: Episodes) -> None:
         """Store episodes, overwriting the oldest.
 

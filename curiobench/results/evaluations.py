@@ -17,9 +17,9 @@ from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
 
 MAX_CSV_BYTES = 1 << 30
-_ROUNDING = 1e-9
-_LARGEST_LISTED_TASK = 4
+LARGEST_LISTED_TASK = 4
 """Blocks of the largest task whose valid goals are looked up; enumerating those of five blocks takes ten seconds."""
+_ROUNDING = 1e-9
 _LONGEST_INTEGER = 18
 """Digits of a bit string that still is an integer of 64 bits."""
 
@@ -249,7 +249,7 @@ def _check_goals(bits: np.ndarray, layer: np.ndarray, starts: np.ndarray, task: 
 @cache
 def _goals_of(task: str) -> dict[int, int] | None:
     """Layer by goal, whose bits are read as a decimal number; None where there are too many goals to list."""
-    if n_blocks_of(task) > _LARGEST_LISTED_TASK:
+    if n_blocks_of(task) > LARGEST_LISTED_TASK:
         return None
     space = goal_space(n_blocks_of(task))
     return {int(space.bit_string(bits)): int(layer) for bits, layer in zip(space.goals, space.layers, strict=True)}

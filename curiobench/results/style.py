@@ -32,6 +32,7 @@ def theme() -> Iterator[None]:
     import seaborn
 
     ours = {
+        "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib; seaborn's Arial is not on every machine
         "font.size": TEXT,
         "axes.labelsize": TEXT,
         "axes.titlesize": TEXT,

@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 
 from curiobench.protocol import satisfied_starts
+from curiobench.results.evaluations import LARGEST_LISTED_TASK
 from curiobench.results.frames import IDENTITY
 from curiobench.results.submission import Fault, Reference, Skipped, Submission
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import EPISODE_STEPS, n_blocks_of
 
-_LARGEST_LISTED_TASK = 4
-"""Blocks of the largest task whose goals are looked up; listing those of five takes ten seconds."""
 _LARGEST_OPTION = 10**9
 _ROUNDING = 1e-6
 
@@ -32,7 +31,7 @@ def goals(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 def _goals_of(task: str, against: Reference) -> set[tuple[str, str, int]]:
     """Name, bits and layer of each goal of a task; empty where they are not known."""
-    if n_blocks_of(task) <= _LARGEST_LISTED_TASK:
+    if n_blocks_of(task) <= LARGEST_LISTED_TASK:
         space = goal_space(n_blocks_of(task))
         return set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
     if against.runs is None:

@@ -102,7 +102,7 @@ def test_samples_are_whole_transitions_contiguous_and_typed():
 def test_goals_are_balanced_and_only_valid_ones_drawn():
     replay = replay_of(capacity=20)
     replay.add(episodes_of(list(range(10)), [(0, 0)] * 7 + [(1, 1)] + [(0, 1)] * 2))  # 01 is not a valid goal
-    assert replay.reached_goals.tolist() == [[0, 0], [1, 1]]
+    assert replay.valid_goals[replay.index.counts > 0].tolist() == [[0, 0], [1, 1]]
     episode = replay.sample(4000, np.random.default_rng(0))["observation"][:, 0] // 100
     assert abs((episode == 7).mean() - 0.5) < 0.03
     assert (episode < 8).all()
