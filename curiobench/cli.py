@@ -135,8 +135,9 @@ def report(arguments: Sequence[str]) -> None:
 
     check_named(parsed.runs)
     from curiobench.results.report import write_report
+    from curiobench.workers import cores
 
-    results = write_report(parsed.runs, parsed.out, parsed.title, parsed.partial, parsed.baseline)
+    results = write_report(parsed.runs, parsed.out, parsed.title, parsed.partial, parsed.baseline, cores())
     print(parsed.out)
     tell_faults(results, "report")
 

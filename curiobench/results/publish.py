@@ -190,13 +190,14 @@ def derive(folder: Path) -> None:
     from curiobench.results.paper import LEARNED
     from curiobench.results.report import write_report
     from curiobench.results.table_command import show_tables
+    from curiobench.workers import cores
 
     results = read_results([folder])
     for like in (None, "paper") if LEARNED.keys() & set(results.runs["method"]) else (None,):
         with redirect_stdout(io.StringIO()):
             show_tables(TableArguments((folder,), like, out=folder / "tables"))
-    draw_figures(results, folder / "figures")
-    write_report([folder], folder / "report.html")
+    draw_figures(results, folder / "figures", processes=cores())
+    write_report([folder], folder / "report.html", processes=cores())
 
 
 def _gzip(content: bytes) -> bytes:

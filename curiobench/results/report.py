@@ -36,7 +36,12 @@ SECTIONS = (
 
 
 def write_report(
-    paths: Sequence[Path], out: Path, title: str | None = None, partial: bool = False, baseline: str | None = None
+    paths: Sequence[Path],
+    out: Path,
+    title: str | None = None,
+    partial: bool = False,
+    baseline: str | None = None,
+    processes: int = 1,
 ) -> "Results":
     """Write a report on runs.
 
@@ -46,6 +51,7 @@ def write_report(
         title: of the page; told from the data if None.
         partial: also take runs that are not finished.
         baseline: method that the others are compared with; sac, where there are runs of it, if None.
+        processes: how many read and draw side by side; the page does not depend on it.
 
     Returns:
         The runs, and the faults found among them, which the page names too.
@@ -55,13 +61,13 @@ def write_report(
     """
     if out.is_dir():
         raise ValueError(f"cannot write {out}: it is a folder; name a file, such as {out / 'report.html'}")
-    results = read_results(paths, partial, every_goal=False, progress=["share_exploitation"])
+    results = read_results(paths, partial, False, ["share_exploitation"], processes)
     if results.runs.empty:
         raise ValueError("; ".join(["no run to report on", *results.faults]))
     methods = list(dict.fromkeys(results.runs["method"]))
     if baseline and shown(baseline) not in methods:
         raise ValueError(f"no run is of the baseline {baseline!r}; there are {', '.join(methods)}")
-    page = render(results, title, shown(baseline or "sac")).encode()
+    page = render(results, title, shown(baseline or "sac"), processes).encode()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_file(out, lambda file: file.write(page))
@@ -70,12 +76,12 @@ def write_report(
     return results
 
 
-def render(results: "Results", title: str | None = None, baseline: str = "sac") -> str:
+def render(results: "Results", title: str | None = None, baseline: str = "sac", processes: int = 1) -> str:
     """The page as HTML; the same text for the same runs. Raises ValueError where there is nothing to draw."""
-    return _template().render(**_contents(results, title, baseline), **_inlined())
+    return _template().render(**_contents(results, title, baseline, processes), **_inlined())
 
 
-def _contents(results: "Results", title: str | None, baseline: str) -> dict[str, Any]:
+def _contents(results: "Results", title: str | None, baseline: str, processes: int) -> dict[str, Any]:
     """What the template shows; text as it is, for the template escapes it."""
     runs, opening = results.runs, summary(results)
     return {
@@ -86,7 +92,7 @@ def _contents(results: "Results", title: str | None, baseline: str) -> dict[str,
         "baseline": baseline,
         "compared": runs["method"].nunique() > 1 and baseline in set(runs["method"]),
         "tables": tables(results, baseline, told=opening.warnings),
-        "figures": pictures(results),
+        "figures": pictures(results, processes),
         "tasks": task_cards(results),
         "options": options(runs),
         "methods": list(dict.fromkeys(cell.label for cell in cells_of(runs))),

@@ -50,12 +50,13 @@ class Picture:
     """Height at that width, in pixels."""
 
 
-def pictures(results: "Results") -> list[Picture]:
+def pictures(results: "Results", processes: int = 1) -> list[Picture]:
     """All figures of the runs; raises ValueError as `draw_figures`."""
     from curiobench.results.figures import draw_figures
 
     with tempfile.TemporaryDirectory(prefix="curiobench-report-") as folder:
-        return [_picture(path) for path in draw_figures(results, Path(folder), formats=("svg",))]
+        paths = draw_figures(results, Path(folder), formats=("svg",), processes=processes)
+        return [_picture(path) for path in paths]
 
 
 def _picture(path: Path) -> Picture:

@@ -75,7 +75,7 @@ def text(runs) -> str:
 @pytest.fixture
 def no_figures(monkeypatch):
     """Reports without figures, which take most of their time."""
-    monkeypatch.setattr(report, "pictures", lambda results: [])
+    monkeypatch.setattr(report, "pictures", lambda results, processes: [])
 
 
 def test_it_is_well_formed_and_below_three_megabytes(text):
@@ -223,6 +223,11 @@ def test_options_that_differ_and_options_that_do_not(make_runs, tmp_path, no_fig
 def test_the_same_runs_give_the_same_page(make_runs, no_figures):
     results = read_results(make_runs())
     assert report.render(results) == report.render(results)
+
+
+def test_several_processes_make_the_same_page(runs, text, tmp_path):
+    report.write_report([runs], tmp_path / "page.html", processes=2)
+    assert (tmp_path / "page.html").read_text() == text
 
 
 def test_a_goal_that_no_seed_has_learned_and_a_task_without_pictures(make_runs, tmp_path, no_figures):
