@@ -34,7 +34,11 @@ def no_collection() -> Iterator[None]:
 
 
 def parallel_map(
-    function: Callable[[Item], Result], items: Sequence[Item], processes: int, least: int = 1
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    processes: int,
+    least: int = 1,
+    meanwhile: Callable[[], object] | None = None,
 ) -> list[Result]:
     """`[function(item) for item in items]`, where each process takes the next item when it is done with one.
 
@@ -43,6 +47,7 @@ def parallel_map(
         items: in the order in which they are taken.
         processes: this one among them. With 1 nothing is forked, nor where the system cannot fork safely.
         least: items a process for which it is worth forking.
+        meanwhile: what this process does before it takes an item, while the others have begun.
 
     Returns:
         Results in the order of the items.
@@ -51,12 +56,15 @@ def parallel_map(
         Exception: what the function raised. Where a forked process failed or died, its items are done here once more.
     """
     processes = min(processes, len(items) // least) if sys.platform == "linux" else 1
+    meanwhile = meanwhile or (lambda: None)
     if processes < 2:
+        meanwhile()
         return [function(item) for item in items]
     context = multiprocessing.get_context("fork")
     taken = context.Value("l", 0)
     helpers = [_Helper(context, function, items, taken) for _ in range(processes - 1)]
     try:
+        meanwhile()
         results = dict(_work(function, items, taken))
         for helper in helpers:
             results.update(helper.results())

@@ -1,6 +1,6 @@
 """The runs that paths stand for, each once, and faults about all that cannot be used."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,19 +27,29 @@ class Wanted:
 
 
 @dataclass(frozen=True)
+class _Folder:
+    """A run folder, before it is read."""
+
+    path: Path
+    """Where it is."""
+    cell: Cell | None
+    """The cell of a grid that it should hold."""
+
+
+@dataclass(frozen=True)
 class _Loaded:
-    """What reading a run folder gave."""
+    """What reading a run gave: with neither `run` nor `fault` it is not finished."""
 
     head: Head | None = None
     """What the run is; None where that cannot be read."""
     run: Run | None = None
-    """The run with its rows; None where it is not finished, or they cannot be read."""
+    """The run with its rows."""
     fault: str = ""
-    """Why something is None; "" for a run that is not finished."""
+    """Why it cannot be used."""
 
 
 class Collector:
-    """Collects runs and faults, path after path."""
+    """Collects runs, and faults about all that cannot be used."""
 
     def __init__(self, wanted: Wanted, processes: int = 1) -> None:
         self._wanted, self._processes = wanted, processes
@@ -55,40 +65,35 @@ class Collector:
         """Those that can be used."""
         return list(self._kept.values())
 
-    def add(self, path: Path) -> None:
-        """Read what a path stands for, but for the rows of runs that are not finished."""
-        path = by_name(path)
+    def collect(self, paths: Sequence[Path], unfinished: bool, meanwhile: Callable[[], object] | None = None) -> None:
+        """Read what the paths stand for; `read_results` tells of `meanwhile`."""
+        found = [one for path in paths for one in self._look(by_name(path))]
+        folders = [what for what, _ in found if isinstance(what, _Folder)]
+        loaded = iter(parallel_map(partial(_load, self._wanted), folders, self._processes, FEWEST, meanwhile))
+        for what, faults in found:
+            self._take(next(loaded) if isinstance(what, _Folder) else what, faults)
+        if unfinished:
+            self._take_unfinished()
+        else:
+            for head, faults in self._unfinished:
+                faults.append(f"{head.path} is partial: it has no result.json; left out")
+
+    def _look(self, path: Path) -> Iterator[tuple[_Folder | _Loaded, list[str]]]:
+        """What a path stands for, each with the list that a fault of it belongs to."""
         try:
             found = look(path)
             published = read_published(path, self._wanted.every_goal) if found.published else []
         except (ValueError, OSError) as error:
-            self.absent.append(str(error))
+            yield _Loaded(fault=str(error)), self.absent
             return
-        self.faults += found.faults
+        for fault in found.faults:
+            yield _Loaded(fault=fault), self.faults
         if found.published and self._is_unseen(path):
             for run in published:
-                self._keep(run, self.faults)
-        folders = [(folder, cell) for folder, cell in found.runs.items() if self._is_unseen(folder)]
-        faults = self.absent if path in found.runs else self.faults
-        for loaded in parallel_map(partial(_load, self._wanted), folders, self._processes, FEWEST):
-            if loaded.head is not None and loaded.head.result is None:
-                self._unfinished.append((loaded.head, faults))
-            else:
-                self._take(loaded, faults)
-
-    def add_unfinished(self) -> None:
-        """Read those, too; after all paths, so that none takes the place of a finished one."""
-        heads = [head for head, _ in self._unfinished]
-        all_loaded = parallel_map(partial(_load_rows, self._wanted), heads, self._processes, FEWEST)
-        for loaded, (_, faults) in zip(all_loaded, self._unfinished, strict=True):
-            self._take(loaded, faults)
-        self._unfinished.clear()
-
-    def leave_out_unfinished(self) -> None:
-        """Make each of them a fault."""
-        for head, faults in self._unfinished:
-            faults.append(f"{head.path} is partial: it has no result.json; left out")
-        self._unfinished.clear()
+                yield _Loaded(run.head, run), self.faults
+        for folder, cell in found.runs.items():
+            if self._is_unseen(folder):
+                yield _Folder(folder, cell), self.absent if folder == path else self.faults
 
     def _is_unseen(self, path: Path) -> bool:
         """Whether no path before stood for this folder, which is seen from now on."""
@@ -97,34 +102,33 @@ class Collector:
         return unseen
 
     def _take(self, loaded: _Loaded, faults: list[str]) -> None:
-        """Keep a run that could be read and is no duplicate; a fault in the rows of a duplicate does not matter."""
-        if loaded.head is not None and not self._is_new(loaded.head, faults):
-            return
-        if loaded.run is None:
-            faults.append(f"{loaded.fault}; left out")
-            return
-        self.faults += loaded.run.notes
-        self._kept[loaded.run.head.identity()] = loaded.run
+        """Keep a run that can be used and is no duplicate; a fault in the rows of a duplicate does not matter."""
+        if loaded.head is not None and loaded.run is None and not loaded.fault:
+            self._unfinished.append((loaded.head, faults))
+        elif loaded.head is not None and (first := self._kept.get(loaded.head.identity())):
+            faults.append(f"{loaded.head.path} is a duplicate of {first.head.path}: the same config; left out")
+        elif loaded.run is None:
+            faults.append(loaded.fault)
+        else:
+            self.faults += loaded.run.notes
+            self._kept[loaded.run.head.identity()] = loaded.run
 
-    def _keep(self, run: Run, faults: list[str]) -> None:
-        if self._is_new(run.head, faults):
-            self._kept[run.head.identity()] = run
-
-    def _is_new(self, head: Head, faults: list[str]) -> bool:
-        if first := self._kept.get(head.identity()):
-            faults.append(f"{head.path} is a duplicate of {first.head.path}: the same config; left out")
-        return first is None
+    def _take_unfinished(self) -> None:
+        """Read those, too; after all others, so that none takes the place of a finished one."""
+        heads = [head for head, _ in self._unfinished]
+        all_loaded = parallel_map(partial(_load_rows, self._wanted), heads, self._processes, FEWEST)
+        for loaded, (_, faults) in zip(all_loaded, self._unfinished, strict=True):
+            self._take(loaded, faults)
 
 
-def _load(wanted: Wanted, folder: tuple[Path, Cell | None]) -> _Loaded:
-    """Read a run folder, which should hold this cell; not the rows of a run that is not finished."""
-    path, cell = folder
+def _load(wanted: Wanted, folder: _Folder) -> _Loaded:
+    """Read a run folder, but not the rows of a run that is not finished."""
     try:
-        head = read_head(path)
-        if cell is not None:
-            _check_cell(head, cell)
+        head = read_head(folder.path)
+        if folder.cell is not None:
+            _check_cell(head, folder.cell)
     except (ValueError, OSError) as error:
-        return _Loaded(fault=_in_words(error))
+        return _Loaded(fault=_left_out(error))
     return _Loaded(head) if head.result is None else _load_rows(wanted, head)
 
 
@@ -132,11 +136,13 @@ def _load_rows(wanted: Wanted, head: Head) -> _Loaded:
     try:
         return _Loaded(head, read_run(head, wanted.every_goal, wanted.progress))
     except (ValueError, OSError) as error:
-        return _Loaded(head, fault=_in_words(error))
+        return _Loaded(head, fault=_left_out(error))
 
 
-def _in_words(error: Exception) -> str:
-    return f"cannot read {error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+def _left_out(error: Exception) -> str:
+    """An error in words."""
+    told = f"cannot read {error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+    return f"{told}; left out"
 
 
 def _check_cell(head: Head, cell: Cell) -> None:

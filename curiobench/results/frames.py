@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -72,6 +72,7 @@ def read_results(
     every_goal: bool = True,
     progress: bool | Sequence[str] = True,
     processes: int = 1,
+    meanwhile: Callable[[], object] | None = None,
 ) -> Results:
     """Read runs; imports no method and changes nothing.
 
@@ -81,21 +82,18 @@ def read_results(
         partial: also take runs that are not finished.
         every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time. `layers` is
             the same either way.
-        progress: read progress.csv; or only these columns of it and those that every run has.
+        progress: read progress.csv; or only these columns of it and those that every run has, of the runs that have
+            one of these.
         processes: how many read folders side by side, where there are many and the system can fork; what is read does
             not depend on it.
+        meanwhile: what this process does first, while others have begun to read, such as a long import.
 
     Returns:
         The runs that can be used, sorted by task, method, variant and seed, and faults about all others.
     """
+    collector = Collector(Wanted(every_goal, progress), processes)
     with no_collection():
-        collector = Collector(Wanted(every_goal, progress), processes)
-        for path in map(Path, paths):
-            collector.add(path)
-        if partial:
-            collector.add_unfinished()
-        else:
-            collector.leave_out_unfinished()
+        collector.collect([Path(path) for path in paths], partial, meanwhile)
         return _results(collector)
 
 
@@ -192,6 +190,6 @@ def _progress_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame:
     parts = [run.progress for run in runs]
     if not any(map(len, parts)):
         return pd.DataFrame(columns=list(IDENTITY))
-    rows = pd.concat(parts, ignore_index=True)
+    rows = pd.concat([part for part in parts if len(part)], ignore_index=True)
     columns = _identity(frame, [len(part) for part in parts])
     return pd.concat([pd.DataFrame(columns, index=rows.index), rows], axis=1)

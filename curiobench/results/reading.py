@@ -181,8 +181,8 @@ def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str]
     Args:
         head: of the run.
         every_goal: see `read_evaluations`.
-        progress: read progress.csv, or only these columns of it and those that every run has. Of a partial run it is
-            read in any case, as it alone tells what the run has cost.
+        progress: read progress.csv, or only these columns of it and those that every run has; with none of these only
+            its end is checked. Of a partial run it is read in any case, as it alone tells what the run has cost.
 
     Raises:
         ValueError: a file is missing or damaged, or the files disagree; one line that names the folder.
@@ -191,12 +191,13 @@ def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str]
     evaluations, dropped = read_evaluations(head.path / "evaluations.csv", head.config["task"], every_goal, partial)
     if head.result is not None:
         _check_result(head.path, head.result, evaluations)
-    rows, dropped_progress = read_progress(head.path / "progress.csv", progress or partial, head.result)
+    rows, dropped_progress = read_progress(head.path / "progress.csv", progress, head.result)
     epoch = int(evaluations.epoch[-1])
     values = head.values | {"epoch": epoch, "steps": int(evaluations.steps[-1])} | _cost(head.result, rows, epoch)
     notes = tuple(filter(None, (dropped, dropped_progress)))
-    details = evaluations.detailed()
-    return Run(head, values, details, evaluations.layers(), rows if progress else pd.DataFrame(), notes)
+    asked = progress is True or not set(progress or ()).isdisjoint(rows)
+    rows = rows if asked else pd.DataFrame()
+    return Run(head, values, evaluations.detailed(), evaluations.layers(), rows, notes)
 
 
 def _check_result(path: Path, result: dict[str, Any], evaluations: Evaluations) -> None:
@@ -226,7 +227,7 @@ def read_progress(
 
     Args:
         path: of the file.
-        progress: see `read_run`; with False only the end of the file is checked.
+        progress: see `read_run`.
         result: what result.json holds; None for a run that is not finished, whose last row may be cut off.
 
     Returns:
@@ -241,14 +242,14 @@ def read_progress(
         content = read_bytes(path, whole=result is not None)
         whole = content[: content.rfind(b"\n") + 1]
         header = check_header(whole, PROGRESS_COLUMNS)
-        rows = _parse_progress(whole, header, progress) if progress else pd.DataFrame()
+        wanted = header if progress is True else [name for name in header if progress and name in progress]
+        rows = _parse_progress(whole, wanted) if wanted or result is None else pd.DataFrame()
         if result is not None:
             _check_end(whole, header, result)
     return rows, "" if len(whole) == len(content) else f"{path}: its last row is not all there, and left out"
 
 
-def _parse_progress(content: bytes, header: Sequence[str], progress: bool | Sequence[str]) -> pd.DataFrame:
-    wanted = header if isinstance(progress, bool) else [name for name in header if name in progress]
+def _parse_progress(content: bytes, wanted: Sequence[str]) -> pd.DataFrame:
     columns = tuple(dict.fromkeys([*PROGRESS_COLUMNS, *wanted]))
     rows = parse_csv(content, columns, {"epoch": np.int32, "steps": np.int64, "updates": np.int64})
     _check_progress(rows)

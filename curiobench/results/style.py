@@ -25,6 +25,13 @@ _MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P
 _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")
 
 
+def preload() -> None:
+    """Import what figures need, which takes a second."""
+    import matplotlib.backends.backend_agg
+    import matplotlib.backends.backend_pdf  # noqa: F401
+    import seaborn  # noqa: F401
+
+
 @contextmanager
 def theme() -> Iterator[None]:
     """Seaborn's theme for paper with our sizes, while it lasts."""

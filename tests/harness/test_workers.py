@@ -62,6 +62,25 @@ def test_an_error_is_raised_and_no_process_stays():
 
 
 @linux
+@pytest.mark.parametrize("processes", [1, 3])
+def test_others_begin_while_this_process_does_something_else(processes, tmp_path):
+    """It is done once, before this process takes an item; a single one has nobody to leave them to."""
+    done = []
+
+    def meanwhile():
+        done.append(os.getpid())
+        while processes > 1 and not list(tmp_path.iterdir()):
+            pass
+
+    def touches(number):
+        (tmp_path / str(number)).touch()
+        return number
+
+    assert parallel_map(touches, range(40), processes, meanwhile=meanwhile) == list(range(40))
+    assert done == [HERE]
+
+
+@linux
 def test_large_results_do_not_wait_for_each_other():
     """A pipe holds 64 KB: a helper that sends more waits until this process is done with its own work."""
     assert [len(text) for text in parallel_map("x".__mul__, [10**6] * 20, 3)] == [10**6] * 20

@@ -85,7 +85,11 @@ def test_reading_less_reads_the_same(make_runs):
     assert short.layers.equals(whole.layers)
     last = whole.evaluations[whole.evaluations["epoch"] == 4].reset_index(drop=True)
     assert short.evaluations.equals(last)
-    assert list(short.progress.columns)[5:] == ["epoch", "steps", "updates", "seconds", "share_exploitation"]
+    columns = ["epoch", "steps", "updates", "share_exploitation", "seconds"]
+    assert list(short.progress.columns)[5:] == columns
+    assert set(short.progress["method"]) == {"mihm"}  # no other has the column
+    known = whole.progress[whole.progress["method"] == "mihm"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(short.progress[columns], known[columns])
     assert read_results(paths, progress=False).progress.empty
 
 
