@@ -24,7 +24,7 @@ CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
 
 LARGEST_SEED = (1 << 31) - 1
-"""Seeds are 32-bit numbers in what runs are read into."""
+"""Seeds, and epochs, are 32-bit numbers in what runs are read into."""
 
 _ADDED_LATER = frozenset({"hybrid", "method_config", "machine.keep_replay"})
 """Fields that configs of the first published runs lack; their defaults are what those runs were."""
@@ -115,8 +115,9 @@ class RunConfig:
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
         _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
         _check_at_least(self, 0, "seed", "biased_from_epoch")
-        if self.seed > LARGEST_SEED:
-            raise ValueError(f"seed is {self.seed}; it must be at most {LARGEST_SEED}")
+        for name, value in (("seed", self.seed), ("epochs", self.epochs)):
+            if value > LARGEST_SEED:
+                raise ValueError(f"{name} is {value}; it must be at most {LARGEST_SEED}")
         if self.worlds > self.replay.capacity:
             raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):

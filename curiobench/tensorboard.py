@@ -4,6 +4,14 @@ from pathlib import Path
 from typing import Any
 
 
+def check_tensorboard() -> None:
+    """Raises ValueError where the extra `tensorboard` is missing."""
+    try:
+        import torch.utils.tensorboard  # noqa: F401
+    except ImportError:
+        raise ValueError("--machine.tensorboard needs the extra: pip install 'curiobench[tensorboard]'") from None
+
+
 class TensorBoardLog:
     """Writes rows of progress.csv as scalars."""
 
@@ -12,13 +20,9 @@ class TensorBoardLog:
         Args:
             folder: created if it does not exist.
             first_epoch: the first that is to come; TensorBoard then hides later ones of before a kill.
-
-        Raises ValueError where the extra `tensorboard` is missing.
         """
-        try:
-            from torch.utils.tensorboard import SummaryWriter
-        except ImportError:
-            raise ValueError("--machine.tensorboard needs the extra: pip install 'curiobench[tensorboard]'") from None
+        from torch.utils.tensorboard import SummaryWriter  # seconds to import
+
         self._writer = SummaryWriter(str(folder), purge_step=first_epoch)
 
     def write(self, row: dict[str, Any]) -> None:

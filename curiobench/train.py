@@ -19,7 +19,7 @@ from curiobench.learning_curve import draw_learning_curve
 from curiobench.methods.process import tune_process
 from curiobench.records import progress_row, result
 from curiobench.run_folder import RunFolder, read_record, read_rows, versions
-from curiobench.tensorboard import TensorBoardLog
+from curiobench.tensorboard import TensorBoardLog, check_tensorboard
 from curiobench.training_state import TrainingState, check_device
 
 
@@ -39,6 +39,8 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         Interrupted: on Ctrl-C or SIGTERM.
     """
     check_device(config.device)
+    if config.machine.tensorboard:
+        check_tensorboard()
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest() as stop:
         try:

@@ -137,6 +137,7 @@ def test_the_short_preset_is_the_first_half_of_laptop():
         ("--out x --method mi --method.xi 1", r"xi is 1.0; it must lie in \(0, 1\)"),
         ("--out x --method dac --method.control nan", "control is nan; it must be finite"),
         ("--out x --seed 4294967296", "seed is 4294967296; it must be at most 2147483647"),
+        ("--out x --epochs 4294967296", "epochs is 4294967296; it must be at most 2147483647"),
     ],
 )
 def test_arguments_that_are_not_understood_take_one_line(arguments, message):

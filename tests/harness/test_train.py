@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -164,6 +165,13 @@ def test_an_agent_from_a_folder_acts_as_in_the_run(finished, tmp_path):
 
 
 @pytest.mark.slow
+def test_without_the_extra_tensorboard_no_run_is_begun(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(ValueError, match="needs the extra"):
+        train(replace(TINY, machine=MachineConfig(tensorboard=True)), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
 def test_tensorboard_gets_every_row(tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # seconds to import
 
