@@ -3,9 +3,10 @@
 import gc
 import multiprocessing
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
@@ -13,6 +14,10 @@ Item, Result = TypeVar("Item"), TypeVar("Result")
 
 MOST = 8
 """More processes than this wait for each other's memory."""
+_TOKEN = 8
+"""Bytes of a number in the pipe from which work is taken."""
+_TOKENS = 4096 // _TOKEN
+"""As many as any pipe holds."""
 
 
 def cores() -> int:
@@ -23,7 +28,7 @@ def cores() -> int:
 
 @contextmanager
 def no_collection() -> Iterator[None]:
-    """Without garbage collection, which takes a tenth of the time of work that makes many objects and keeps most."""
+    """Without garbage collection, which takes a tenth of the time where many objects are made; then with one."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -31,6 +36,7 @@ def no_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+            gc.collect(0)  # of the young objects, which are those made meanwhile
 
 
 def parallel_map(
@@ -38,7 +44,7 @@ def parallel_map(
     items: Sequence[Item],
     processes: int,
     least: int = 1,
-    meanwhile: Callable[[], object] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Result]:
     """`[function(item) for item in items]`, where each process takes the next item when it is done with one.
 
@@ -53,44 +59,82 @@ def parallel_map(
         Results in the order of the items.
 
     Raises:
-        Exception: what the function raised. Where a forked process failed or died, its items are done here once more.
+        Exception: what the function raised, of any of the items. What a forked process failed at, or did not tell
+            before it died, is done here once more.
     """
-    processes = min(processes, len(items) // least) if sys.platform == "linux" else 1
-    meanwhile = meanwhile or (lambda: None)
-    if processes < 2:
+    processes = min(processes, len(items) // least) if _may_fork() else 1
+    known: dict[int, Result] = {}
+    if processes > 1:
+        known = _share(_Work(function, items), processes - 1, meanwhile)
+    else:
         meanwhile()
-        return [function(item) for item in items]
-    context = multiprocessing.get_context("fork")
-    taken = context.Value("l", 0)
-    helpers = [_Helper(context, function, items, taken) for _ in range(processes - 1)]
-    try:
+    return [known[i] if i in known else function(item) for i, item in enumerate(items)]
+
+
+def _may_fork() -> bool:
+    """Not where it is unsafe, nor in a process that may have no children."""
+    return sys.platform == "linux" and not multiprocessing.current_process().daemon
+
+
+def _share(work: "_Work", helpers: int, meanwhile: Callable[[], object]) -> dict[int, Any]:
+    """Results by position, as far as they are told."""
+    with ExitStack() as stack:
+        stack.callback(work.close)
+        started: list[_Helper] = []
+        with suppress(OSError):  # no process to be had: those there are do it
+            while len(started) < helpers:
+                started.append(_Helper(work))
+                stack.callback(started[-1].stop)
         meanwhile()
-        results = dict(_work(function, items, taken))
-        for helper in helpers:
-            results.update(helper.results())
-    finally:
-        for helper in helpers:
-            helper.stop()
-    return [results[i] if i in results else function(item) for i, item in enumerate(items)]
+        known = dict(work.results())
+        for helper in started:
+            known.update(helper.results())
+        return known
+
+
+class _Work:
+    """Items that processes take in turn: from a pipe, for one that is killed would never give a lock back."""
+
+    def __init__(self, function: Callable[[Any], Any], items: Sequence[Any]) -> None:
+        self._function, self._items = function, items
+        self._step = max(1, -(-len(items) // _TOKENS))
+        self._queue, end = os.pipe()
+        for start in range(0, len(items), self._step):
+            os.write(end, start.to_bytes(_TOKEN, "little"))
+        os.close(end)
+
+    def results(self) -> Iterator[tuple[int, Any]]:
+        """Take items until none is left; gives their positions and results."""
+        while token := os.read(self._queue, _TOKEN):
+            start = int.from_bytes(token, "little")
+            for position in range(start, min(start + self._step, len(self._items))):
+                yield position, self._function(self._items[position])
+
+    def close(self) -> None:
+        """Give the pipe back."""
+        os.close(self._queue)
 
 
 class _Helper:
     """A forked process that takes items, too, and hands over its results when none is left."""
 
-    def __init__(self, context: Any, function: Callable[[Any], Any], items: Sequence[Any], taken: Any) -> None:
+    def __init__(self, work: _Work) -> None:
+        """Raises OSError where there is no process to be had."""
+        context = multiprocessing.get_context("fork")
         self._receiver, sender = context.Pipe(duplex=False)
-        arguments = (self._receiver, sender, function, items, taken)
-        self._process = context.Process(target=_help, args=arguments, daemon=True)
-        self._process.start()
-        sender.close()  # so that the end of the process ends the pipe
+        self._process = context.Process(target=_help, args=(self._receiver, sender, work), daemon=True)
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # Ctrl-C is for this process alone
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            sender.close()  # so that the end of the process ends the pipe
 
     def results(self) -> Iterator[tuple[int, Any]]:
-        """Position and result of what it did; less where it failed."""
-        try:
+        """Position and result of what it did; less where it failed or died."""
+        with suppress(Exception):  # whatever is wrong with a result, it is done once more
             while True:
                 yield self._receiver.recv()
-        except EOFError:
-            return
 
     def stop(self) -> None:
         """End it, whatever it is at."""
@@ -99,15 +143,13 @@ class _Helper:
         self._receiver.close()
 
 
-def _help(
-    receiver: Connection, sender: Connection, function: Callable[[Any], Any], items: Sequence[Any], taken: Any
-) -> None:
+def _help(receiver: Connection, sender: Connection, work: _Work) -> None:
     """What a helper does. It tells nobody of errors: the one it helps does the same once more, and meets them, too."""
     receiver.close()  # so that sending fails when the other process is gone
     helped = os.getppid()
     done = []
     try:
-        for result in _work(function, items, taken):
+        for result in work.results():
             done.append(result)
             if os.getppid() != helped:
                 os._exit(1)
@@ -115,14 +157,3 @@ def _help(
             sender.send(result)
     except BaseException:
         os._exit(1)
-
-
-def _work(function: Callable[[Any], Any], items: Sequence[Any], taken: Any) -> Iterator[tuple[int, Any]]:
-    """Take items until none is left; gives their positions and results."""
-    while True:
-        with taken.get_lock():
-            position = taken.value
-            taken.value += 1
-        if position >= len(items):
-            return
-        yield position, function(items[position])

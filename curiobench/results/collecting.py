@@ -65,7 +65,7 @@ class Collector:
         """Those that can be used."""
         return list(self._kept.values())
 
-    def collect(self, paths: Sequence[Path], unfinished: bool, meanwhile: Callable[[], object] | None = None) -> None:
+    def collect(self, paths: Sequence[Path], unfinished: bool, meanwhile: Callable[[], object]) -> None:
         """Read what the paths stand for; `read_results` tells of `meanwhile`."""
         found = [one for path in paths for one in self._look(by_name(path))]
         folders = [what for what, _ in found if isinstance(what, _Folder)]

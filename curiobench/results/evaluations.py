@@ -226,7 +226,7 @@ def check(frame: pd.DataFrame, task: str, last: Mapping[str, np.ndarray] | None 
         raise ValueError("its numbers of episodes cannot be")
     goal, bits = _names(details["goal"], details["bits"], n_goals, task)
     success, success_unsatisfied, learned = rates
-    arrays = (layer[:n_goals], success, success_unsatisfied, learned > 0, episodes, unsatisfied)
+    arrays = (layer[:n_goals].copy(), success, success_unsatisfied, learned > 0, episodes, unsatisfied)
     return Evaluations(epoch[starts], steps[starts], goal, bits, *arrays)
 
 

@@ -108,7 +108,7 @@ def draw_figures(
         raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(PAPER['figure-4'].methods)}")
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with theme(), no_collection():
+        with theme():
             files = parallel_map(partial(_write, out=out, formats=formats), chosen, processes)
     except OSError as error:
         raise ValueError(f"cannot write to {out}: {error.strerror}") from None
@@ -140,6 +140,11 @@ def _chosen(task: TaskSamples, like: str | None) -> list[_Chosen]:
 
 def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     """Draw one figure and save its pages."""
+    with no_collection():
+        return _write_pages(chosen, out, formats)
+
+
+def _write_pages(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     pages = chosen.kind.draw(chosen.task, chosen.samples)
     files = []
     for number, figure in enumerate(pages, start=1):

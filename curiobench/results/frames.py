@@ -72,7 +72,7 @@ def read_results(
     every_goal: bool = True,
     progress: bool | Sequence[str] = True,
     processes: int = 1,
-    meanwhile: Callable[[], object] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Results:
     """Read runs; imports no method and changes nothing.
 

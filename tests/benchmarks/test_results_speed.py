@@ -3,8 +3,7 @@
     pytest tests/benchmarks/test_results_speed.py --benchmark-only -s
 
 Each command is started as a user does, by the clock, three times, of which the fastest counts, as other work on the
-machine only adds; the folders are in the page cache. Both read, and `figure` draws, on all cores that there are: the
-limits hold on two.
+machine only adds; the folders are in the page cache. Both read, and `figure` draws, on all cores: here on two.
 """
 
 import json
@@ -20,8 +19,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent / "results"))  # whose generator of run folders this needs
 from synthetic import write_run
 
-from curiobench.workers import cores
-
 METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi", "dac+hm")
 SEEDS = 50
 EPOCHS = 499
@@ -29,7 +26,7 @@ EPOCHS = 499
 SECONDS = 10
 BYTES = 10**9
 """Of all processes together, each of which takes no more than the largest."""
-PROCESSES = cores()
+CORES = 2
 
 
 def success(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
@@ -61,8 +58,19 @@ def run(words: list[str], output: Path) -> tuple[int, float, float, int]:
     return os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
 
+@pytest.fixture
+def two_cores():
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:CORES])
+    yield
+    os.sched_setaffinity(0, before)
+
+
 @pytest.mark.parametrize("command", ["table", "figure"])
-def test_500_runs_take_under_10_seconds_and_a_gigabyte(benchmark, many, tmp_path, command):
+def test_500_runs_take_under_10_seconds_and_a_gigabyte(benchmark, many, tmp_path, command, two_cores):
     words = [sys.executable, "-m", "curiobench", command, str(many)]
     if command == "figure":
         words += ["--out", str(tmp_path / "figures")]
@@ -73,4 +81,4 @@ def test_500_runs_take_under_10_seconds_and_a_gigabyte(benchmark, many, tmp_path
     for _, wall, seconds, peak in measured:
         print(f"{command}: {wall:.1f} s by the clock, {seconds:.1f} s of processor time, {peak / 1e6:.0f} MB")
     assert min(wall for _, wall, *_ in measured) < SECONDS
-    assert PROCESSES * max(peak for *_, peak in measured) < BYTES
+    assert CORES * max(peak for *_, peak in measured) < BYTES

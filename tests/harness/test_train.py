@@ -164,7 +164,6 @@ def test_an_agent_from_a_folder_acts_as_in_the_run(finished, tmp_path):
     ]
 
 
-@pytest.mark.slow
 def test_without_the_extra_tensorboard_no_run_is_begun(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     with pytest.raises(ValueError, match="needs the extra"):
@@ -172,6 +171,7 @@ def test_without_the_extra_tensorboard_no_run_is_begun(tmp_path, monkeypatch):
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_tensorboard_gets_every_row(tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # seconds to import
 

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import time
 
 import pytest
 
@@ -24,7 +25,9 @@ def worker(number):
     return number, os.getpid()
 
 
-@pytest.mark.parametrize(("items", "processes", "least"), [(0, 2, 1), (1, 2, 1), (40, 1, 1), (40, 3, 1), (40, 9, 16)])
+@pytest.mark.parametrize(
+    ("items", "processes", "least"), [(0, 2, 1), (1, 2, 1), (40, 1, 1), (40, 3, 1), (40, 9, 16), (1500, 3, 1)]
+)
 def test_results_are_those_of_a_loop_in_its_order(items, processes, least):
     assert parallel_map(square, range(items), processes, least) == [number**2 for number in range(items)]
     assert not multiprocessing.active_children()
@@ -50,6 +53,45 @@ def test_what_a_helper_failed_at_is_done_once_more(end, capfd):
     here = os.getpid()
     assert parallel_map(fails_elsewhere, range(100), 3) == [(number, here) for number in range(100)]
     assert capfd.readouterr() == ("", "")
+
+
+@linux
+def test_a_helper_that_is_killed_while_it_sends_is_no_loss():
+    def large(number):
+        if os.getpid() == HERE:
+            time.sleep(0.2)  # until the others have nothing left to do but to send
+            for process in multiprocessing.active_children():
+                process.kill()
+        return str(number) * 10**6
+
+    assert parallel_map(large, range(6), 3) == [str(number) * 10**6 for number in range(6)]
+
+
+class Unreadable:
+    """Can be sent, but not received."""
+
+    def __reduce__(self):
+        return int, ("no number",)
+
+
+@linux
+def test_a_result_that_cannot_be_received_is_made_once_more():
+    assert all(isinstance(found, Unreadable) for found in parallel_map(lambda _: Unreadable(), range(100), 3))
+
+
+@linux
+def test_without_room_for_more_processes_one_does_it(monkeypatch):
+    def fork():
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, "fork", fork)
+    assert parallel_map(worker, range(10), 3) == [(number, HERE) for number in range(10)]
+
+
+@linux
+def test_a_process_that_may_have_no_children_does_it_alone():
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert pool.apply(parallel_map, (square, range(10), 3)) == [number**2 for number in range(10)]
 
 
 def test_an_error_is_raised_and_no_process_stays():

@@ -425,7 +425,7 @@ def test_several_processes_read_what_one_reads(make_runs, tmp_path, monkeypatch,
     assert (len(plain.runs), len(plain.faults)) == ((16, 10) if partial else (6, 20))
     assert (spread.faults, spread.absent, spread.config_files) == (plain.faults, plain.absent, plain.config_files)
     for name in ("runs", "evaluations", "layers", "progress"):
-        pd.testing.assert_frame_equal(getattr(spread, name), getattr(plain, name))
+        pd.testing.assert_frame_equal(getattr(spread, name), getattr(plain, name), check_exact=True)
 
 
 def test_texts_of_others_stay_on_one_line(make_runs):
