@@ -122,8 +122,8 @@ class ReportArguments:
 class PublishArguments:
     """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
 
-    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A README and other files that
-    stand in the folder are kept.
+    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
+    the place of what it was before. A README and other files that stand in the folder are kept.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]

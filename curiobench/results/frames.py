@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from curiobench.methods.specs import shown
+from curiobench.results import lengthened
 from curiobench.results.collecting import Collector, Wanted
 from curiobench.results.reading import Run
 from curiobench.results.variants import variants
@@ -73,6 +74,7 @@ def read_results(
     progress: bool | Sequence[str] = True,
     processes: int = 1,
     meanwhile: Callable[[], object] = lambda: None,
+    longest: bool = False,
 ) -> Results:
     """Read runs; imports no method and changes nothing.
 
@@ -87,6 +89,7 @@ def read_results(
         processes: how many read folders side by side, where there are many and the system can fork; what is read does
             not depend on it.
         meanwhile: what this process does first, while others have begun to read, such as a long import.
+        longest: leave out, without a word, a run that is the beginning of another one, which was made longer.
 
     Returns:
         The runs that can be used, sorted by task, method, variant and seed, and faults about all others.
@@ -94,11 +97,11 @@ def read_results(
     collector = Collector(Wanted(every_goal, progress), processes)
     with no_collection():
         collector.collect([Path(path) for path in paths], partial, meanwhile)
-        return _results(collector)
+        return _results(collector, longest)
 
 
-def _results(collector: Collector) -> Results:
-    kept = collector.runs()
+def _results(collector: Collector, longest: bool) -> Results:
+    kept = lengthened.longest(collector.runs()) if longest else collector.runs()
     texts = variants([run.head.decisive() for run in kept])
     order = sorted(range(len(kept)), key=lambda i: _key(kept[i], texts[i]))
     runs = [kept[i] for i in order]

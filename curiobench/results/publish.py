@@ -34,7 +34,8 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     not written here, such as a README, are kept.
 
     Args:
-        paths: run folders, folders of run folders (such as a grid's), published sets.
+        paths: run folders, folders of run folders (such as a grid's), published sets. A run that was made longer takes
+            the place of its beginning.
         out: folder of the set.
         allow_dirty: also take runs of altered code, or of code whose commit is not known.
         replace: also where the set that is there has runs that the new one lacks, or other numbers for a run.
@@ -72,7 +73,7 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
 
 
 def _read(paths: Sequence[Path]) -> Results:
-    results = read_results(paths)
+    results = read_results(paths, longest=True)
     if results.faults:
         raise ValueError(f"not published: {'; '.join(results.faults)}")
     if not len(results.runs):
@@ -148,13 +149,13 @@ def _is_published(path: Path) -> bool:
 
 
 def _lost(old: Results, new: Results) -> list[str]:
-    """One line on each run of the old set whose numbers the new one has not got."""
+    """One line on each run of the old set whose numbers the new one has not got, be it in a longer run."""
     faults = list(old.faults)
     theirs, ours = _rows_of_runs(old), _rows_of_runs(new)
     for run, rows in theirs.items():
         if run not in ours:
             faults.append(f"its run {run} would be lost")
-        elif not rows.equals(ours[run]):
+        elif not rows.equals(ours[run][: len(rows)]):
             faults.append(f"its run {run} would get other numbers")
     return faults
 

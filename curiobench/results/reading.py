@@ -53,6 +53,10 @@ class Head:
         """Text that two runs of equal numbers have in common."""
         return json.dumps(self.decisive() | {"preset": ""}, sort_keys=True)  # only a name for other options
 
+    def lineage(self) -> str:
+        """`identity` that a run keeps when it is made longer."""
+        return json.dumps(self.decisive() | {"preset": "", "epochs": 0}, sort_keys=True)
+
 
 @dataclass(frozen=True)
 class Run:

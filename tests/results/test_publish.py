@@ -76,6 +76,32 @@ def test_configs_sums_and_bytes(make_runs, out, undrawn):
     assert files(out.with_name("v2")) == files(out)
 
 
+def rising(task, method, seed, epoch, goal):
+    return min(1, (epoch + seed) / 10)
+
+
+def test_a_run_made_longer_takes_the_place_of_its_beginning(make_runs, tmp_path, out, undrawn):
+    short = make_runs(seeds=2, success=rising)
+    publish(short, out)
+    (tmp_path / "runs").rename(tmp_path / "before")
+    longer = make_runs(methods=("sac",), seeds=1, epochs=7, success=rising)
+    publish([out, *longer], out)
+    runs = load(out).runs.set_index("run")
+    assert runs["epoch"].to_dict() == {run.name: 7 if run.name == "stack2-sac-0" else 4 for run in short}
+    publish([*longer, tmp_path / "before"], out.with_name("v2"))
+    assert_equal(load(out.with_name("v2")), load(out))
+    with pytest.raises(ValueError, match=r"its run stack2-sac-0 would get other numbers"):
+        publish([tmp_path / "before"], out)
+
+
+def test_a_longer_run_of_other_numbers_takes_no_place(make_runs, tmp_path, out, undrawn):
+    publish(make_runs(methods=("sac",), seeds=1, success=rising), out)
+    (tmp_path / "runs").rename(tmp_path / "before")
+    other = make_runs(methods=("sac",), seeds=1, epochs=7)
+    with pytest.raises(ValueError, match=r"needs a name of its own"):
+        publish([out, *other], out)
+
+
 def test_what_is_derived_is_there(make_runs, out, monkeypatch, capsys):
     make_runs()
     monkeypatch.setattr(sys, "argv", ["curiobench", "publish", str(out.parents[1] / "runs"), "--out", str(out)])
