@@ -235,6 +235,11 @@ def differences(old: RunConfig, new: RunConfig) -> list[str]:
     return found + _differences(old.decisive(), new.decisive())
 
 
+def obstacles(begun: RunConfig, wanted: RunConfig) -> list[str]:
+    """`differences` that keep a run from going on under another config, which may have more epochs."""
+    return differences(replace(begun, epochs=max(begun.epochs, wanted.epochs)), wanted)
+
+
 def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> list[str]:
     found = []
     for name, value in old.items():

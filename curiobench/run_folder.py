@@ -8,18 +8,19 @@ import platform
 import subprocess
 import time
 from collections.abc import Container, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
-from curiobench.config import CONFIG_VERSION, RunConfig, differences
+from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
 from curiobench.files import read_json, write_json
 from curiobench.protocol import EVALUATION_SEED
 from curiobench.tasks.registration import TASK_VERSION
 
 FORMAT = "curiobench run"
+REPLAY = Path("checkpoint", "replay")
+"""Folder of the episodes that the checkpoints refer to, within the run's."""
 _BEFORE_CONFIG = {".lock", "config.json.partial"}
 """What a run that was killed before it had a config.json may leave behind."""
 _LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
@@ -64,7 +65,7 @@ class RunFolder:
     @property
     def replay(self) -> Path:
         """Folder of the replay's episodes that the checkpoints refer to."""
-        return self.checkpoint / "replay"
+        return self.path / REPLAY
 
     @property
     def mapped_replay(self) -> Path:
@@ -89,7 +90,7 @@ class RunFolder:
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
             raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
-        if found := differences(replace(begun, epochs=self.config.epochs) if longer else begun, self.config):
+        if found := obstacles(begun, self.config):
             raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         if longer:
             self._longer = self._longer_record(begun, finished, command)

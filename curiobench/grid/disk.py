@@ -7,9 +7,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from curiobench.config import differences
+from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import read_config
+from curiobench.run_folder import REPLAY, read_config
 
 
 class State(StrEnum):
@@ -31,13 +31,16 @@ def look(cell: Cell) -> tuple[State, str]:
     if not (cell.path / "config.json").exists():
         return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
     try:
-        found = differences(read_config(cell.path, {cell.config.method}), cell.config)
+        begun = read_config(cell.path, {cell.config.method})
     except ValueError as error:
         return State.CONFLICT, str(error)
-    if found:
+    if found := obstacles(begun, cell.config):
         return State.CONFLICT, f"{cell.path} has another config: {'; '.join(found)}"
     if (cell.path / "result.json").exists():
-        return State.FINISHED, ""
+        if begun.epochs == cell.config.epochs:
+            return State.FINISHED, ""
+        if not (cell.path / REPLAY).is_dir():
+            return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay kept to be made longer from"
     return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
 
 

@@ -27,8 +27,9 @@ def start():
     """Starts a grid in a folder; none is left running when the tests are over."""
     processes = []
 
-    def call(out: Path, *flags: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", "curiobench", "grid", *FLAGS, "--out", str(out), *flags]
+    def call(out: Path, *flags: str, epochs: str = "epochs=14") -> subprocess.Popen:
+        usual = [word.replace("epochs=14", epochs) for word in FLAGS]
+        command = [sys.executable, "-m", "curiobench", "grid", *usual, "--out", str(out), *flags]
         processes.append(
             subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
@@ -108,6 +109,14 @@ def test_ctrl_c_and_on(tmp_path, undisturbed, start):
     assert process.returncode == 130, output
     assert "the same command continues" in output
     finish(start(out, "--jobs", "2"))
+    assert numbers(out) == undisturbed
+
+
+def test_a_grid_with_more_epochs_goes_on_with_the_runs_that_are_there(tmp_path, undisturbed, start):
+    out = tmp_path / "grid"
+    finish(start(out, "--jobs", "2", epochs="epochs=5,machine.keep-replay=true"))
+    output = finish(start(out, "--jobs", "2"))
+    assert output.count("started at epoch 6 of 14") == 2
     assert numbers(out) == undisturbed
 
 

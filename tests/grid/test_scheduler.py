@@ -16,7 +16,7 @@ from curiobench.grid.local import LocalLauncher
 from curiobench.grid.overview import PlainView
 from curiobench.grid.scheduler import _TAKEN, Scheduler
 from curiobench.grid.stop import StopRequest
-from curiobench.run_folder import FORMAT, _lock
+from curiobench.run_folder import FORMAT, REPLAY, _lock
 
 
 @pytest.fixture
@@ -90,6 +90,20 @@ def test_a_folder_with_another_config_is_left_alone(cells, capsys):
     assert "stack2-sac-0: left alone: " in (out := capsys.readouterr().out)
     assert "has another config: epochs is 9, not 5" in out
     assert sum(state is State.FINISHED for state in states(scheduler).values()) == 3
+
+
+def test_a_shorter_run_is_made_longer_where_that_can_be(cells):
+    cell = cells[0]
+    shorter = cell.config.to_json() | {"epochs": 3}
+    cell.path.mkdir(parents=True)
+    write_json(cell.path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": shorter})
+    assert look(cell) == (State.WAITING, "")
+    write_json(cell.path / "result.json", {"epochs": 3})
+    assert look(cell) == (State.CONFLICT, f"{cell.path} has 3 epochs and no replay kept to be made longer from")
+    (cell.path / REPLAY).mkdir(parents=True)
+    assert look(cell) == (State.WAITING, "")
+    with _lock(cell.path / ".lock"):
+        assert look(cell) == (State.ELSEWHERE, "")
 
 
 @pytest.mark.parametrize(
