@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from curiobench.results.report_cells import Cell, cells_of, runs_of
 from curiobench.results.report_tables import MISSING, Entry, Heading
+from curiobench.results.scale import hour_digits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ _SHOWN: dict[str, Callable[[Any], str] | None] = {
     "seed": "{:d}".format,
     "epoch": "{:,d}".format,
     "steps": "{:,d}".format,
-    "hours": "{:.2f}".format,
+    "hours": lambda hours: f"{hours:.{hour_digits(hours)}f}",
     "peak_memory_mb": "{:,.0f}".format,
 }
 """Columns of runs that the list shows, and how numbers are written."""

@@ -77,7 +77,8 @@ def _when(runs: "pd.DataFrame") -> str:
         parts.append(f"run on {first}" if first == last else f"run from {first} to {last}")
     if machines:
         parts.append(f"on {listed(machines) if len(machines) <= MOST_NAMES else count(len(machines), 'machine')}")
-    parts.append(f"in {runs['hours'].sum():,.1f} hours of work")
+    hours = runs["hours"].sum()
+    parts.append(f"in {f'{hours:,.1f} hours' if hours >= 1 else count(round(60 * hours), 'minute')} of work")
     text = " ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
 

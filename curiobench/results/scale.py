@@ -45,6 +45,11 @@ def millions(steps: float) -> str:
     return f"{steps / 1e6:.3g} M" if steps >= 1e6 else f"{steps:,.0f}"
 
 
+def hour_digits(hours: float) -> int:
+    """Decimals that hours of work take: two, more for runs of a few minutes."""
+    return 2 if hours >= 0.1 else 4
+
+
 def _changed(runs: "pd.DataFrame") -> dict[str, Any]:
     """Options that all runs have the same value of, and another than their preset."""
     found = None

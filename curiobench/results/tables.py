@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from curiobench.results.frames import Results
-from curiobench.results.scale import scale_of
+from curiobench.results.scale import hour_digits, scale_of
 from curiobench.results.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.results.summaries import GOOD_SUCCESS, Estimate, Summary, cautions, run_rows, untrained
 
@@ -94,7 +94,8 @@ def _tables_of_task(results: Results, task: str, summaries: list[Summary], basel
     if any(summary.better is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    cost = [Column("hours", "hours a run"), Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
+    hours = Column("hours", "hours a run", hour_digits(min(summary.hours for summary in summaries)))
+    cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
     names = _name_columns(summaries)
     rows = tuple(_row(summary) for summary in summaries)
     scale, before = scale_of(results.runs[results.runs["task"] == task]), untrained(results, task)

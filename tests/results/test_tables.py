@@ -66,6 +66,14 @@ def test_known_answers(results):
     assert (mihm.hours, mihm.peak_memory_mb, mihm.machines) == (0.04, 800, ("Test CPU, 2 cores",))
 
 
+def test_hours_of_short_runs_are_told_to_their_seconds(results):
+    cost = method_tables(results, summarise(results))[2]
+    assert "0.0400" in terminal([cost])
+    results.runs["hours"] *= 10
+    cost = method_tables(results, summarise(results))[2]
+    assert "0.40 " in terminal([cost])
+
+
 def test_some_seeds_reach_it_and_ties_count_half(make_runs):
     def success(task, method, seed, epoch, goal):
         return 1.0 if seed == 0 and epoch >= 3 else 0.5
