@@ -11,7 +11,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -48,14 +47,23 @@ def many(tmp_path_factory) -> Path:
     return folder
 
 
+START = """
+import os, subprocess, sys, time
+started = time.perf_counter()
+with open(sys.argv[1], "w") as file:
+    process = subprocess.Popen(sys.argv[2:], stdout=file, stderr=file)
+    _, status, usage = os.wait4(process.pid, 0)
+seconds = time.perf_counter() - started
+print(os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024)
+"""
+"""Starts a command from a small process: a peak of memory begins with that of the process that forks."""
+
+
 def run(words: list[str], output: Path) -> tuple[int, float, float, int]:
     """Exit code, wall-clock seconds, processor seconds of all its processes, and peak bytes of the largest of them."""
-    started = time.perf_counter()
-    with open(output, "w") as file:
-        process = subprocess.Popen(words, stdout=file, stderr=file, env=os.environ | {"OMP_NUM_THREADS": "1"})
-        _, status, usage = os.wait4(process.pid, 0)
-    seconds = time.perf_counter() - started
-    return os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    told = subprocess.check_output([sys.executable, "-c", START, output, *words], env=environment).split()
+    return int(told[0]), float(told[1]), float(told[2]), int(told[3])
 
 
 @pytest.fixture
