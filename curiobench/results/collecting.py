@@ -97,21 +97,24 @@ class Collector:
 
     def _is_unseen(self, path: Path) -> bool:
         """Whether no path before stood for this folder, which is seen from now on."""
-        unseen = path.resolve() not in self._seen
-        self._seen.add(path.resolve())
+        path = path.resolve()
+        unseen = path not in self._seen
+        self._seen.add(path)
         return unseen
 
     def _take(self, loaded: _Loaded, faults: list[str]) -> None:
         """Keep a run that can be used and is no duplicate; a fault in the rows of a duplicate does not matter."""
-        if loaded.head is not None and loaded.run is None and not loaded.fault:
-            self._unfinished.append((loaded.head, faults))
-        elif loaded.head is not None and (first := self._kept.get(loaded.head.identity())):
-            faults.append(f"{loaded.head.path} is a duplicate of {first.head.path}: the same config; left out")
-        elif loaded.run is None:
+        head, run = loaded.head, loaded.run
+        identity = "" if head is None else head.identity()
+        if head is not None and run is None and not loaded.fault:
+            self._unfinished.append((head, faults))
+        elif head is not None and (first := self._kept.get(identity)):
+            faults.append(f"{head.path} is a duplicate of {first.head.path}: the same config; left out")
+        elif run is None:
             faults.append(loaded.fault)
         else:
-            self.faults += loaded.run.notes
-            self._kept[loaded.run.head.identity()] = loaded.run
+            self.faults += run.notes
+            self._kept[identity] = run
 
     def _take_unfinished(self) -> None:
         """Read those, too; after all others, so that none takes the place of a finished one."""

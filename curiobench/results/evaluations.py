@@ -183,8 +183,7 @@ def _last_rows(content: bytes, n_rows: int) -> dict[str, np.ndarray]:
 
 def check_header(content: bytes, columns: Iterable[str]) -> list[str]:
     """Names of the columns of a csv file; raises ValueError where it lacks one."""
-    end = content.find(b"\n")
-    header = content[: end if end >= 0 else None].decode().strip().split(",")
+    header = BytesIO(content).readline().decode().strip().split(",")
     if lacking := [name for name in columns if name not in header]:
         raise ValueError(f"it has no column {', '.join(lacking)}")
     return header

@@ -138,13 +138,9 @@ def _chosen(task: TaskSamples, like: str | None) -> list[_Chosen]:
     return chosen
 
 
+@no_collection()
 def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     """Draw one figure and save its pages."""
-    with no_collection():
-        return _write_pages(chosen, out, formats)
-
-
-def _write_pages(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     pages = chosen.kind.draw(chosen.task, chosen.samples)
     files = []
     for number, figure in enumerate(pages, start=1):

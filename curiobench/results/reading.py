@@ -4,7 +4,7 @@ import csv
 import json
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -199,8 +199,7 @@ def read_run(head: Head, every_goal: bool = True, progress: bool | Sequence[str]
     epoch = int(evaluations.epoch[-1])
     values = head.values | {"epoch": epoch, "steps": int(evaluations.steps[-1])} | _cost(head.result, rows, epoch)
     notes = tuple(filter(None, (dropped, dropped_progress)))
-    asked = progress is True or not set(progress or ()).isdisjoint(rows)
-    rows = rows if asked else pd.DataFrame()
+    rows = rows if _asked(progress, rows) else pd.DataFrame()
     return Run(head, values, evaluations.detailed(), evaluations.layers(), rows, notes)
 
 
@@ -246,11 +245,16 @@ def read_progress(
         content = read_bytes(path, whole=result is not None)
         whole = content[: content.rfind(b"\n") + 1]
         header = check_header(whole, PROGRESS_COLUMNS)
-        wanted = header if progress is True else [name for name in header if progress and name in progress]
+        wanted = _asked(progress, header)
         rows = _parse_progress(whole, wanted) if wanted or result is None else pd.DataFrame()
         if result is not None:
             _check_end(whole, header, result)
     return rows, "" if len(whole) == len(content) else f"{path}: its last row is not all there, and left out"
+
+
+def _asked(progress: bool | Sequence[str], columns: Iterable[str]) -> list[str]:
+    """Those of the columns of a progress.csv that `read_run` is asked for."""
+    return list(columns) if progress is True else [name for name in columns if name in (progress or ())]
 
 
 def _parse_progress(content: bytes, wanted: Sequence[str]) -> pd.DataFrame:
