@@ -19,7 +19,7 @@ import torch
 from curiobench.files import read_json, replace_file, write_json
 from curiobench.methods.guard import MethodError
 
-FORMAT = "curiobench checkpoint 2"
+FORMAT = "curiobench checkpoint 3"
 KEPT = 2
 """Checkpoints kept: the newest, and the one before in case that is damaged."""
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_h
 
 import tyro
 
-from curiobench.methods.settings import HybridConfig, SACConfig
+from curiobench.methods.settings import HybridConfig, SACConfig, check_option
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
@@ -26,8 +26,19 @@ CONFIG_VERSION = 1
 LARGEST_SEED = (1 << 31) - 1
 """Seeds, and epochs, are 32-bit numbers in what runs are read into."""
 
-_ADDED_LATER = frozenset({"hybrid", "method_config", "machine.keep_replay"})
-"""Fields that configs of the first published runs lack; their defaults are what those runs were."""
+Starts = Literal["biased", "plain"]
+"""Where training episodes start."""
+
+Curriculum = Literal["reached", "near"]
+"""Names of curricula."""
+
+_ADDED_LATER = frozenset(
+    (
+        "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
+        "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
+    )
+)  # fmt: skip
+"""Fields that configs of older runs lack; their defaults are what those runs were."""
 
 
 def _check_at_least(config: Any, least: int, *names: str) -> None:
@@ -83,8 +94,14 @@ class RunConfig:
     """Gradient updates a cycle."""
     batch_size: int = 4096
     """Transitions a gradient update."""
+    starts: Starts = "biased"
+    """Where training episodes start: biased towards stacks and held blocks, or always plain, blocks spread on the
+    table, which makes exploration hard. Test episodes start plain in any case."""
     biased_from_epoch: int = 80
-    """First epoch, counted from 0, whose training episodes start biased towards stacks and held blocks."""
+    """First epoch, counted from 0, of biased starts."""
+    curriculum: Curriculum = "reached"
+    """Which goals training episodes pursue: uniform over those reached so far (reached), or half of them near the start
+    (near)."""
 
     evaluate_every: int = 5
     """Epochs between evaluations; there is one before training and one after the last epoch in any case."""
@@ -111,6 +128,8 @@ class RunConfig:
         check_name("task", self.task, TASKS)
         check_name("robot", self.robot, ROBOTS)
         check_name("preset", self.preset, PRESET_NAMES)
+        check_option(self, "starts", Starts)
+        check_option(self, "curriculum", Curriculum)
         self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
         _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
@@ -118,6 +137,8 @@ class RunConfig:
         for name, value in (("seed", self.seed), ("epochs", self.epochs)):
             if value > LARGEST_SEED:
                 raise ValueError(f"{name} is {value}; it must be at most {LARGEST_SEED}")
+        if self.sac.actor_every > self.updates:
+            raise ValueError(f"sac.actor_every is {self.sac.actor_every}, but a cycle has {self.updates} updates")
         if self.worlds > self.replay.capacity:
             raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):
@@ -172,16 +193,26 @@ PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 # found by experiment: docs/presets.md
 _LAPTOP = RunConfig(
     preset="laptop",
-    epochs=40,
+    epochs=24,
     cycles=40,
     worlds=64,
     rollouts=1,
-    updates=60,
-    batch_size=512,
+    updates=120,
+    batch_size=256,
     biased_from_epoch=0,
-    evaluate_every=1,
-    replay=ReplayConfig(satisfied_cap=0.3),
-    sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
+    curriculum="near",
+    evaluate_every=4,
+    replay=ReplayConfig(relabelling="arrivals", satisfied_cap=0.2),
+    sac=SACConfig(
+        gamma=0.95,
+        temperature=0.02,
+        actor_every=2,
+        network="pair_attention",
+        hidden=64,
+        pairs="roles",
+        features="near_field",
+        detail_scale=0.1,
+    ),
 )
 
 PRESETS = MappingProxyType(
@@ -190,36 +221,53 @@ PRESETS = MappingProxyType(
         # between that sum and the mean over one batch of 16 × 256
         "paper": RunConfig(preset="paper", worlds=16, rollouts=2, updates=30, batch_size=16 * 256),
         "laptop": _LAPTOP,
-        # what the published results are made with: results/README.md
-        "short": replace(_LAPTOP, preset="short", epochs=20),
-        # a minute: shows that everything works, learns next to nothing
-        "smoke": RunConfig(
+        # the agent that results/v1 was made with
+        "short": RunConfig(
+            preset="short",
+            epochs=20,
+            cycles=40,
+            worlds=64,
+            rollouts=1,
+            updates=60,
+            batch_size=512,
+            biased_from_epoch=0,
+            evaluate_every=1,
+            replay=ReplayConfig(satisfied_cap=0.3),
+            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
+        ),
+        "smoke": replace(
+            _LAPTOP,
             preset="smoke",
             epochs=5,
             cycles=8,
             worlds=32,
-            rollouts=1,
             updates=20,
-            batch_size=256,
-            biased_from_epoch=1,
             evaluate_every=1,
             episodes_per_goal=10,
-            replay=ReplayConfig(capacity=2_000, satisfied_cap=0.3),
-            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
+            replay=replace(_LAPTOP.replay, capacity=2_000),
         ),
     }
 )
-"""Configs by name; task, method, seed and robot are each run's own."""
+"""Configs by name; task, method, seed and robot are each run's own. `preset` gives the one of a task."""
+
+_BY_TASK = MappingProxyType({("laptop", "stack2"): {"epochs": 3, "evaluate_every": 1}})
+"""Fields of a preset that are others for a task."""
 
 PRESET_LINES = MappingProxyType(
     {
-        "paper": "the paper's full scale: 500 epochs, 40 M steps; days on 16 cores",
-        "laptop": "half an hour to an hour on one core for stack2",
-        "short": "the first half of laptop",
+        "paper": "the paper's full scale: 500 epochs, 40 M steps; weeks on one core",
+        "laptop": "what plain SAC needs on one core: minutes for stack2, an hour or two for stack3",
+        "short": "the former agent, which results/v1 was made with: 20 epochs",
         "smoke": "a minute: shows that everything works, learns next to nothing",
     }
 )
 """One line on each preset."""
+
+
+def preset(name: str, task: str) -> RunConfig:
+    """The config of a preset for a task. Raises ValueError where one of them is unknown."""
+    check_name("preset", name, PRESET_NAMES)
+    return replace(PRESETS[name], task=task, **_BY_TASK.get((name, task), {}))
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:

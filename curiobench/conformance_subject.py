@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.networks import PairLayout
+from curiobench.methods.pairs import PairLayout
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.settings import SACConfig

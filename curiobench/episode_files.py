@@ -6,7 +6,6 @@ each is whole or absent, and the last two saves stay loadable: a kill between th
 agent leaves a replay that fits the older agent. No pickles.
 """
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,6 @@ import numpy as np
 from curiobench.files import read_json, replace_file, write_json
 
 Arrays = dict[str, np.ndarray]
-
-_INDEX = re.compile(r"index-\d{1,18}\.npz")
 
 
 class EpisodeFiles:
@@ -33,7 +30,6 @@ class EpisodeFiles:
         oldest: int,
         added: int,
         episodes: Callable[[int, int], Arrays],
-        index: Arrays,
         shapes: dict[str, list[int]],
     ) -> str:
         """Write a new state on top of the one with `saved` episodes (0: none), in the same folder; return its name.
@@ -45,7 +41,6 @@ class EpisodeFiles:
             oldest: number of the oldest episode still held; segments that end before it are dropped.
             added: episodes added until now.
             episodes: arrays of the episodes from a first number up to, not including, a last.
-            index: small arrays that are written whole.
             shapes: for the manifest.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -59,40 +54,31 @@ class EpisodeFiles:
             path = self.folder / f"episodes-{first}-{added}.npz"
             replace_file(path, lambda file: np.savez(file, **episodes(first, added)))
             segments.append([first, added])
-        name, index_name = f"replay-{added}.json", f"index-{added}.npz"
-        replace_file(self.folder / index_name, lambda file: np.savez(file, **index))
-        manifest = {"added": added, "segments": segments, "index": index_name, "shapes": shapes}
-        write_json(self.folder / name, manifest)
+        name = f"replay-{added}.json"
+        write_json(self.folder / name, {"added": added, "segments": segments, "shapes": shapes})
         self._prune({name, previous})
         return name
 
     def manifest(self, name: str) -> dict[str, Any]:
-        """The manifest of a saved state: added, segments, index, shapes. Raises ValueError where it is damaged."""
-        manifest = read_json(self.folder / name)
-        if not _INDEX.fullmatch(manifest["index"]):
-            raise ValueError(f"{self.folder / name} names {manifest['index']!r} as its index")
-        return manifest
+        """The manifest of a saved state: added, segments, shapes. Raises ValueError where it is damaged."""
+        return read_json(self.folder / name)
 
     def segment(self, first: int, end: int) -> Arrays:
-        """Arrays of the episodes first … end - 1, as they were saved together."""
-        return self.arrays(f"episodes-{first}-{end}.npz")
-
-    def arrays(self, name: str) -> Arrays:
-        """All arrays of a file. Raises ValueError where it is damaged."""
+        """Arrays of the episodes first … end - 1, saved together. Raises ValueError where the file is damaged."""
+        path = self.folder / f"episodes-{first}-{end}.npz"
         try:
-            with np.load(self.folder / name, allow_pickle=False) as saved:
+            with np.load(path, allow_pickle=False) as saved:
                 return dict(saved)
         except BadZipFile as error:
-            raise ValueError(f"cannot read {self.folder / name}: {error}") from None
+            raise ValueError(f"cannot read {path}: {error}") from None
 
     def _prune(self, keep: set[str]) -> None:
         """Delete all states but these, and what a killed save left."""
         needed = set(keep)
         for name in keep:
             if (self.folder / name).exists():
-                manifest = self.manifest(name)
-                needed |= {manifest["index"], *(f"episodes-{a}-{b}.npz" for a, b in manifest["segments"])}
-        for pattern in ("replay-*", "index-*", "episodes-*"):
+                needed |= {f"episodes-{a}-{b}.npz" for a, b in self.manifest(name)["segments"]}
+        for pattern in ("replay-*", "episodes-*"):
             for path in self.folder.glob(pattern):
                 if path.name not in needed:
                     path.unlink()

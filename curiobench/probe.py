@@ -15,7 +15,8 @@ from curiobench.methods.capture import StaticBatch
 from curiobench.methods.guard import MethodError, reward_of
 from curiobench.methods.hybrid import EXPLORE, HybridAgent
 from curiobench.methods.intrinsic_value import MEMBERS
-from curiobench.methods.networks import PairInputs, squashed_gaussian
+from curiobench.methods.networks import squashed_gaussian
+from curiobench.methods.pairs import PairInputs
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, PolicyView, Transitions
 from curiobench.methods.sac import SAC

@@ -32,8 +32,7 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
         "goals_learned": None if evaluation is None else int(evaluation.learned.sum()),
         "success": None if evaluation is None else float(evaluation.success_rates.mean()),
     }
-    updates = state.config.cycles * state.config.updates
-    row |= {name: total / updates for name, total in counters.metrics.items()}
+    row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
     seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
     return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
 

@@ -12,31 +12,13 @@ if TYPE_CHECKING:
     from curiobench.tasks import BatchedStacking
 
 
-def draw_goals(valid_goals: np.ndarray, reached: np.ndarray, size: int, generator: np.random.Generator) -> np.ndarray:
-    """Desired goals, uniform over those already reached.
-
-    Args:
-        valid_goals: `(G, bits)` all goals.
-        reached: `(G,)` bool, which of them an episode has ended in. While there is none, which is in the first rollout,
-            all valid goals are drawn from.
-        size: number of goals to draw.
-        generator: source of randomness.
-
-    Returns:
-        `(size, bits)`.
-    """
-    candidates = np.flatnonzero(reached) if reached.any() else np.arange(len(valid_goals))
-    return valid_goals[generator.choice(candidates, size)]
-
-
-def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, biased: bool) -> Episodes:
+def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray) -> Episodes:
     """One episode in every world, by the agent's stochastic policy.
 
     Args:
-        worlds: N worlds; reset first, and left at the end of their episodes.
+        worlds: N worlds, just reset; left at the end of their episodes.
         agent: chooses actions; it is asked once a step, for all worlds together.
         goals: `(N, bits)` what each world's episode pursues.
-        biased: whether the episodes start biased towards stacks and a held block.
 
     Returns:
         N episodes, less those whose physics diverged: their world was reset half-way, which no action explains.
@@ -44,7 +26,7 @@ def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, biased: bo
     Raises:
         NonFiniteError: an observation is NaN or infinite; names the step, the world and the entry.
     """
-    seen = worlds.reset(biased=biased, goals=goals)
+    seen = worlds.pursue(goals)
     n, size, bits = *seen.observation.shape, goals.shape[1]
     observation = np.empty((n, EPISODE_STEPS + 1, size), np.float32)
     achieved = np.empty((n, EPISODE_STEPS + 1, bits), np.uint8)

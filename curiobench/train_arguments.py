@@ -9,10 +9,12 @@ from typing import Annotated
 import tyro
 
 from curiobench.arguments import parse
-from curiobench.config import PRESET_NAMES, PRESETS, RunConfig
+from curiobench.config import RunConfig, preset
 from curiobench.methods.specs import canonical
 from curiobench.run_folder import read_config
-from curiobench.tasks.registration import check_name
+
+_NAMED = (("--preset", "laptop"), ("--task", "stack3"))
+"""Flags that decide the other options' defaults, and their own."""
 
 
 @dataclass(frozen=True)
@@ -35,18 +37,20 @@ class TrainArguments:
 def parse_train(arguments: Sequence[str]) -> TrainArguments:
     """Arguments of a training run.
 
-    Defaults are those of the preset that `--preset` names, or of the folder's own config where `--resume` finds one.
+    Defaults are those of the preset that `--preset` names, for the task that `--task` names, or of the folder's own
+    config where `--resume` finds one.
     `--method` decides which settings `--method.…` there are.
 
     Raises:
-        ValueError: an unknown preset, an illegal value, or arguments that are not understood; one line.
+        ValueError: an unknown preset or task, an illegal value, or arguments that are not understood; one line.
         SystemExit: on `--help`, after showing it.
     """
-    preset, out = _last_value(arguments, "--preset"), _last_value(arguments, "--out")
+    out = _last_value(arguments, "--out")
     if "--resume" in arguments and out and (Path(out) / "config.json").exists():
         defaults = read_config(Path(out), {_last_value(arguments, "--method")})
     else:
-        defaults = PRESETS[check_name("preset", preset or "laptop", PRESET_NAMES)]
+        named = (_last_value(arguments, flag) or default for flag, default in _NAMED)
+        defaults = preset(*named)
     method = canonical(_last_value(arguments, "--method") or defaults.method)
     if method != defaults.method:
         defaults = replace(defaults, method=method, method_config=None)

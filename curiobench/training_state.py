@@ -3,6 +3,7 @@
 import resource
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -13,12 +14,13 @@ import numpy as np
 import torch
 
 from curiobench.config import RunConfig
-from curiobench.methods.networks import PairLayout
+from curiobench.curriculum import CURRICULA, Situation
+from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch
 from curiobench.methods.sac import SAC, NonFiniteError
 from curiobench.replay import EpisodeReplay, Episodes
-from curiobench.rollout import collect, draw_goals, successes
+from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
@@ -44,7 +46,7 @@ class Counters:
     sums: dict[str, float] = field(default_factory=dict)
     """Sums over the present epoch of what `collect` counts; by name."""
     metrics: dict[str, float] = field(default_factory=dict)
-    """Sums over the present epoch's updates of what the agent reports; by name."""
+    """Sums over the present epoch's cycles of the means of what the agent reports; by name."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock seconds since training began, by what they went into."""
 
@@ -106,6 +108,7 @@ def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None =
         steps=EPISODE_STEPS,
         observation_size=pair_layout(goal_space).observation_size,
         action_size=ACTION_SIZE,
+        on_bits=goal_space.on_bits,
         folder=folder,
     )
 
@@ -139,11 +142,13 @@ class TrainingState:
 
     def collect(self) -> None:
         """One episode in every world, into the replay, the normalisers and the set of reached goals."""
-        size = self.config.worlds
-        goals = draw_goals(self._goal_space.goals, self.reached, size, self._generators["goals"])
-        biased = self.counters.epoch >= self.config.biased_from_epoch
+        size, valid = self.config.worlds, self._goal_space.goals
+        biased = self.config.starts == "biased" and self.counters.epoch >= self.config.biased_from_epoch
         with self.counters.timed("collecting"):
-            episodes = collect(self._worlds, self.agent, goals, biased)
+            start = self._worlds.reset(biased=biased, goals=np.broadcast_to(valid[0], (size, valid.shape[1])))
+            situation = Situation(valid, self.reached, start.achieved_goal)
+            goals = valid[CURRICULA[self.config.curriculum](situation, self._generators["goals"])]
+            episodes = collect(self._worlds, self.agent, goals)
             self.replay.add(episodes)
             desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
             self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
@@ -166,17 +171,19 @@ class TrainingState:
     def learn(self) -> None:
         """The gradient updates of a cycle. Raises NonFiniteError where a loss or a metric is NaN or infinite."""
         totals: dict[str, torch.Tensor] = {}
+        counts: Counter[str] = Counter()
         for _ in range(self.config.updates):
             with self.counters.timed("sampling"):
                 batch = Batch.from_numpy(self.replay.sample(self.config.batch_size, self._generators["replay"]))
             with self.counters.timed("updating"):
                 metrics = self.agent.update(batch, self.counters.epoch)
                 # summed as tensors: reading each one would make a GPU wait
-                totals = {name: value + totals.get(name, 0) for name, value in metrics.items()}
+                totals |= {name: value + totals.get(name, 0) for name, value in metrics.items()}
+                counts.update(metrics.keys())
         for name, total in totals.items():
             if not torch.isfinite(total):
                 raise NonFiniteError(f"updates {self.counters.updates} and following: {name} is {float(total)}")
-            self.counters.metrics[name] = self.counters.metrics.get(name, 0.0) + float(total)
+            self.counters.metrics[name] = self.counters.metrics.get(name, 0.0) + float(total) / counts[name]
         self.counters.updates += self.config.updates
 
     def end_epoch(self) -> None:

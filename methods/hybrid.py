@@ -30,7 +30,8 @@ from torch import Tensor, nn
 from curiobench.methods.capture import StaticBatch
 from curiobench.methods.intrinsic_value import MEMBERS, IntrinsicValues
 from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
-from curiobench.methods.networks import LOG_STD_RANGE, Actor, PairInputs, PairLayout, squashed_gaussian
+from curiobench.methods.networks import LOG_STD_RANGE, Actor, squashed_gaussian
+from curiobench.methods.pairs import PairInputs, PairLayout
 from curiobench.methods.reward import IntrinsicReward, Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.settings import HybridConfig, SACConfig
@@ -44,13 +45,13 @@ class PolicyPair(nn.Module):
 
     def __init__(self, actor: Actor) -> None:
         super().__init__()
-        self.body_size, self.net = actor.body_size, actor.net
+        self.net = actor.net
         for name, weights in list(self.net.named_parameters()):
             setattr(self.net, name, nn.Parameter(weights.detach().repeat(2, 1, 1)))
 
     def forward(self, inputs: PairInputs) -> tuple[Tensor, Tensor]:
         """Mean and log standard deviation, each (2, B, A), of the actions before squashing."""
-        mean, log_std = self.net(inputs.state[None, :, : self.body_size], inputs.pairs)[:, 0].chunk(2, dim=-1)
+        mean, log_std = self.net(inputs.context.unsqueeze(0), inputs.pairs)[:, 0].chunk(2, dim=-1)
         return mean, log_std.clamp(*LOG_STD_RANGE)
 
     def sample(self, inputs: PairInputs, noise: Tensor) -> tuple[Tensor, Tensor]:
@@ -144,21 +145,23 @@ class HybridAgent(SAC):
         found["raw"] = self.intrinsic_values.popart.denormalise(found["popart"])
         return {name: value.cpu().numpy() for name, value in found.items()}
 
-    def _learn(self, batch: StaticBatch, epoch: int) -> Metrics:
+    def _learn(self, batch: StaticBatch, epoch: int, acts: bool) -> Metrics:
         """As `SAC._learn`, whose metrics are pi_d's and Q_ext's here. Beside them: explorer_policy_loss,
         explorer_entropy, explorer_temperature (and explorer_temperature_loss), pi_c's; those of `IntrinsicValues.loss`;
         and share_exploitation, pi_d's share of the steps collected last.
         """
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
-        distributions = self.actor(inputs)
-        sample = squashed_gaussian(*distributions, noise[1])
-        explorer = [(first[EXPLORE], second[EXPLORE]) for first, second in (distributions, sample)]
+        sample, explorer = None, (None, None)
+        if acts or self._shows_policy:
+            distributions = self.actor(inputs)
+            sample = squashed_gaussian(*distributions, noise[1])
+            explorer = [(first[EXPLORE], second[EXPLORE]) for first, second in (distributions, sample)]
         transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, *explorer)
         raw, normalised, learned = self._curiosity(self.intrinsic, transitions)
         targets = self._both_targets(next_inputs, batch.reward, (raw, normalised), noise[0])
-        losses, metrics = self._all_losses(inputs, batch, targets, sample, transitions)
-        self._descend(losses)
+        losses, metrics = self._all_losses(inputs, batch, targets, sample if acts else None, transitions)
+        self._descend(losses, acts)
         return {"reward": batch.reward.mean()} | learned | metrics | self._latest_share()
 
     @torch.no_grad()
@@ -180,13 +183,21 @@ class HybridAgent(SAC):
         inputs: PairInputs,
         batch: StaticBatch,
         targets: tuple[Tensor, Tensor],
-        sample: tuple[Tensor, Tensor],
+        sample: tuple[Tensor, Tensor] | None,
         transitions: Transitions,
     ) -> tuple[dict[str, Tensor], Metrics]:
-        """Losses by name, all at the same weights, and metrics; from the policies' actions (2, B, A) and log-densities.
+        """Losses by name, all at the same weights, and metrics; from the policies' actions (2, B, A) and log-densities,
+        or None where only the critics learn.
 
         No loss reaches another's weights: critics pass gradients of the policies' actions on to those actions only.
         """
+        if sample is None:
+            taken = batch.action.unsqueeze(0)
+            loss, metrics = critic_loss(self.critics(inputs, taken).squeeze(1), targets[0])
+            loss_int, more = self.intrinsic_values.loss(
+                self.intrinsic_values(inputs.state, taken).squeeze(1), targets[1]
+            )
+            return {"critics": loss, "q_int": loss_int}, metrics | more
         actions, log_probs = sample
         stored, *own = self.critics(inputs, torch.cat([batch.action.unsqueeze(0), actions]), trained=1).unbind(1)
         curious = torch.stack([batch.action, actions[EXPLORE]])

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from curiobench.methods.deepsets import DeepSets
 from curiobench.methods.losses import Metrics, critic_loss
-from curiobench.methods.networks import PairLayout
+from curiobench.methods.pairs import PairLayout
 from curiobench.methods.popart import PopArt
 from curiobench.methods.settings import QIntNormalisation
 

@@ -12,7 +12,7 @@ from curiobench.methods.dac import DAC
 from curiobench.methods.hybrid import HybridAgent
 from curiobench.methods.icm import ICM
 from curiobench.methods.mi import MI
-from curiobench.methods.networks import PairLayout
+from curiobench.methods.pairs import PairLayout
 from curiobench.methods.plugins import file_of, installed_methods, load_class, load_installed, summary, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.reward import IntrinsicReward

@@ -32,14 +32,8 @@ from curiobench.methods.guard import (
 )
 from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.networks import (
-    Actor,
-    PairEncoder,
-    PairInputs,
-    PairLayout,
-    TwinCritics,
-    squashed_gaussian,
-)
+from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.pairs import PairEncoder, PairInputs, PairLayout
 from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 from curiobench.methods.settings import SACConfig
@@ -66,9 +60,9 @@ class SAC:
         """
         self.layout, self.config, self.generator, self.intrinsic = layout, config, generator, intrinsic
         self.device = generator.device
-        self.encoder = PairEncoder(layout, config.pairs, config.identities, self.device)
-        self.actor = Actor(self.encoder, config.hidden, config.layer_norm, generator)
-        self.critics = TwinCritics(self.encoder, config.hidden, config.layer_norm, generator)
+        self.encoder = PairEncoder(layout, config, self.device)
+        self.actor = Actor(self.encoder, config, generator)
+        self.critics = TwinCritics(self.encoder, config, generator)
         self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
         self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
         self.reward_moments = RunningMoments((), min_std=1e-8, device=self.device)
@@ -129,9 +123,13 @@ class SAC:
         """
         if self._static is None or self._static.size != len(batch.reward):
             self._static = StaticBatch(self.layout, len(batch.reward), self.device)
-            self._captured = CapturedStep(partial(self._learn, self._static, 0), self.generator)
+            self._captured = {
+                acts: CapturedStep(partial(self._learn, self._static, 0, acts), self.generator)
+                for acts in (True, False)
+            }
         self._static.load(batch)
-        metrics = self._captured() if self.intrinsic is None else self._learn(self._static, epoch)
+        acts = self.updates % self.config.actor_every == 0
+        metrics = self._captured[acts]() if self.intrinsic is None else self._learn(self._static, epoch, acts)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
             self._check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
@@ -140,29 +138,36 @@ class SAC:
                 torch._foreach_lerp_(self._targets, self._sources, self.config.polyak)
         return metrics
 
-    def _learn(self, batch: StaticBatch, epoch: int) -> Metrics:
-        """`update` less target networks and counter: reads the batch in its fixed place and, on CUDA, never waits."""
+    def _learn(self, batch: StaticBatch, epoch: int, acts: bool) -> Metrics:
+        """`update` less target networks and counter: reads the batch in its fixed place and, on CUDA, never waits.
+
+        `acts` says whether the policy makes a step, too.
+        """
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         metrics = {"reward": batch.reward.mean()}
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
-        distribution = self.actor(inputs)
-        sample = squashed_gaussian(*distribution, noise[1])
-        transitions = None
+        distribution = sample = transitions = None
+        if acts or self._shows_policy:
+            distribution = self.actor(inputs)
+            sample = squashed_gaussian(*distribution, noise[1])
         if self.intrinsic is not None:
             transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
             _, normalised, learned = self._curiosity(self.intrinsic, transitions)
             batch.reward.add_(normalised, alpha=self.config.tau)
             metrics |= learned
         target = self._target(next_inputs, batch.reward, noise[0])
-        losses, more = self._losses(inputs, batch, target, sample, transitions)
-        self._descend(losses)
+        losses, more = self._losses(inputs, batch, target, sample if acts else None, transitions)
+        self._descend(losses, acts)
         return metrics | more
 
-    def _descend(self, losses: dict[str, Tensor]) -> None:
-        """One step down the sum of losses; on a CPU, after a look whether they are finite."""
+    def _descend(self, losses: dict[str, Tensor], acts: bool) -> None:
+        """One step down the sum of losses; on a CPU, after a look whether they are finite.
+
+        Unless the policy `acts`, its weights are in no loss, have no gradient, and Adam leaves them alone.
+        """
         if self.device.type == "cpu":
             self._check(losses)
-        gradients = torch.autograd.grad(sum(losses.values()), self._trained)
+        gradients = torch.autograd.grad(sum(losses.values()), self._trained, allow_unused=not acts)
         for parameter, gradient in zip(self._trained, gradients, strict=True):
             parameter.grad = gradient
         self.optimiser.step()
@@ -172,13 +177,18 @@ class SAC:
         batch: StaticBatch,
         states: tuple[Tensor, Tensor],
         epoch: int,
-        distribution: tuple[Tensor, Tensor],
-        sample: tuple[Tensor, Tensor],
+        distribution: tuple[Tensor, Tensor] | None,
+        sample: tuple[Tensor, Tensor] | None,
     ) -> Transitions:
         """What the curiosity method sees, from states (B, D) before and after the step and the policy that explores."""
-        wanted = self.intrinsic is not None and self.intrinsic.uses_policy
-        view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if wanted else None
+        shown = self._shows_policy
+        view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if shown else None
         return Transitions(states[0], batch.action, states[1], epoch, view)
+
+    @property
+    def _shows_policy(self) -> bool:
+        """Whether the curiosity method asks for a view of the policy."""
+        return self.intrinsic is not None and self.intrinsic.uses_policy
 
     @torch.no_grad()
     def _curiosity(self, method: IntrinsicReward, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
@@ -202,13 +212,17 @@ class SAC:
         inputs: PairInputs,
         batch: StaticBatch,
         target: Tensor,
-        sample: tuple[Tensor, Tensor],
+        sample: tuple[Tensor, Tensor] | None,
         transitions: Transitions | None,
     ) -> tuple[dict[str, Tensor], Metrics]:
         """Losses by name (critics, policy and, if it is tuned, temperature), all at the same weights; and metrics.
 
-        Targets (B,); the policy's own actions (B, A) and their log-densities (B,), which carry its gradients.
+        Targets (B,); the policy's own actions (B, A) and their log-densities (B,), which carry its gradients, or None
+        where only the critics learn.
         """
+        if sample is None:
+            loss, metrics = critic_loss(self.critics(inputs, batch.action.unsqueeze(0)).squeeze(1), target)
+            return {"critics": loss}, metrics
         action, log_prob = sample
         stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
         term = self._policy_term(transitions, batch.desired_goal[0], action)

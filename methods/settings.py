@@ -4,8 +4,14 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-PairMode = Literal["symmetric", "oriented"]
-"""Ordered pairs of blocks: all of them, or one a pair."""
+PairMode = Literal["symmetric", "oriented", "roles"]
+"""Ordered pairs of blocks: all of them, or one a pair, turned by the goal alone or by goal and state."""
+
+Network = Literal["deep_sets", "pair_attention"]
+"""How a network reads its pairs: summed (`deep_sets.py`), or weighed by attention (`pair_attention.py`)."""
+
+Features = Literal["state", "near_field"]
+"""What actor and critics see of a pair: the paper's state alone, or with it short distances and differences of bits."""
 
 QIntNormalisation = Literal["popart", "zscore"]
 """Whose outputs are normalised: those of Q_int (PopArt), or the reward that it learns from."""
@@ -16,6 +22,13 @@ def check_positive(config: Any, *names: str) -> None:
     for name in names:
         if not 0 < getattr(config, name) < math.inf:
             raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
+
+
+def check_option(config: Any, name: str, options: Any) -> None:
+    """Raise ValueError, with the value and the legal ones, unless a field of a config is one of a Literal's options."""
+    if getattr(config, name) not in get_args(options):
+        legal = ", ".join(map(repr, get_args(options)))
+        raise ValueError(f"{name} is {getattr(config, name)!r}; legal are {legal}")
 
 
 @dataclass(frozen=True)
@@ -34,12 +47,23 @@ class SACConfig:
     """Weight of the policy's entropy; the initial one if tune_temperature is set."""
     tune_temperature: bool = False
     """Adjust the temperature until the policy's entropy is -dim(action) (Haarnoja et al. 2018, section 5)."""
+    actor_every: int = 1
+    """Updates from one step of policy and temperature to the next; critics learn at each (Fujimoto et al. 2018)."""
+    network: Network = "deep_sets"
+    """Sum over pairs of blocks as in DECSTR (deep_sets), or attention over them (pair_attention)."""
     hidden: int = 256
-    """Units in each hidden layer."""
+    """Units in each hidden layer; with pair_attention in the first, and twice as many in the others."""
     layer_norm: bool = True
     """Normalise hidden layers (Ba et al. 2016)."""
     pairs: PairMode = "symmetric"
-    """Ordered pairs of blocks, all of them (symmetric), or one a pair, turned by the goal as in DECSTR (oriented)."""
+    """Ordered pairs of blocks: all of them (symmetric), or one a pair, turned by the goal as in DECSTR (oriented), or
+    turned by goal, state and distance from the hand (roles)."""
+    features: Features = "state"
+    """What actor and critics see: the paper's state (state), or also short distances between hand and blocks, and which
+    predicates are missing or unwanted (near_field). Curiosity methods see the state in any case."""
+    detail_scale: float = 1.0
+    """Factor, in (0, 1], on normalised angles, velocities and absolute positions in the table's plane before actor and
+    critics see them; they matter least to this task."""
     identities: bool = False
     """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
     tau: float = 0.2
@@ -49,11 +73,14 @@ class SACConfig:
         for name, legal, range_ in (
             ("gamma", 0 <= self.gamma < 1, "in [0, 1)"),
             ("polyak", 0 < self.polyak <= 1, "in (0, 1]"),
+            ("detail_scale", 0 < self.detail_scale <= 1, "in (0, 1]"),
             ("tau", 0 <= self.tau < math.inf, "at least 0 and finite"),
         ):
             if not legal:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be {range_}")
-        check_positive(self, "learning_rate", "target_every", "temperature", "hidden")
+        check_positive(self, "learning_rate", "target_every", "temperature", "hidden", "actor_every")
+        for name, options in (("network", Network), ("pairs", PairMode), ("features", Features)):
+            check_option(self, name, options)
 
 
 @dataclass(frozen=True)
@@ -66,8 +93,6 @@ class HybridConfig:
     """Share of a batch in PopArt's statistics, in (0, 1]; that of Hessel et al. 2018."""
 
     def __post_init__(self) -> None:
-        if self.q_int_normalisation not in get_args(QIntNormalisation):
-            legal = " and ".join(map(repr, get_args(QIntNormalisation)))
-            raise ValueError(f"q_int_normalisation is {self.q_int_normalisation!r}; legal are {legal}")
+        check_option(self, "q_int_normalisation", QIntNormalisation)
         if not 0 < self.popart_rate <= 1:
             raise ValueError(f"popart_rate is {self.popart_rate}; it must lie in (0, 1]")

@@ -155,6 +155,11 @@ class BatchedStacking:
             space.check(bits)  # raises
         return goals
 
+    def pursue(self, goals: np.ndarray) -> Observation:
+        """Gives all worlds other desired goals `(N, n_bits)`, each valid, in mid-episode or right after a reset."""
+        self.desired_goal[:] = self._check_goals(goals, self.n_worlds)
+        return self.observe()
+
     def place(self, worlds: np.ndarray, positions: np.ndarray) -> Observation:
         """Puts upright blocks at centres `(k, n, 3)` in metres, the hand at its start; begins new episodes there."""
         worlds = self._world_indices(worlds)

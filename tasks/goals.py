@@ -125,20 +125,16 @@ class GoalSpace:
 
     def indices(self, bits: np.ndarray) -> np.ndarray:
         """Positions of many bit vectors `(..., n_bits)` in `goals`, -1 for those that are no valid goal."""
-        codes = self._codes(np.asarray(bits))
-        found = np.searchsorted(self._sorted_codes, codes).clip(max=len(self.goals) - 1)
-        return np.where(self._sorted_codes[found] == codes, self._by_code[found], -1)
-
-    def _codes(self, bits: np.ndarray) -> np.ndarray:
-        return (bits > 0.5) @ (1 << np.arange(self.n_bits, dtype=np.int64))
+        return self._table.indices(bits)
 
     @cached_property
-    def _by_code(self) -> np.ndarray:
-        return np.argsort(self._codes(self.goals))
+    def _table(self) -> "GoalTable":
+        return GoalTable(self.goals)
 
-    @cached_property
-    def _sorted_codes(self) -> np.ndarray:
-        return self._codes(self.goals)[self._by_code]
+    @property
+    def on_bits(self) -> np.ndarray:
+        """`(n_bits,)` bool, which bits say that a block lies on another."""
+        return np.array([name.startswith("o") for name in self.bit_names])
 
     def bit_string(self, bits: np.ndarray) -> str:
         """One bit vector as text, such as "100100000"."""
@@ -183,6 +179,26 @@ class GoalSpace:
             near = difflib.get_close_matches(name, self.names, n=3, cutoff=0.3)
             hint = "; did you mean " + " or ".join(repr(n) for n in near) + "?" if near else ""
             raise ValueError(f"unknown goal {name!r}: {error}{hint}") from None
+
+
+class GoalTable:
+    """Finds bit vectors in a list of goals, many at once."""
+
+    def __init__(self, goals: np.ndarray):
+        """Takes `(G, n_bits)` goals of zeros and ones, all different, at most 62 bits each."""
+        self._weights = 1 << np.arange(goals.shape[1], dtype=np.int64)
+        codes = self._codes(goals)
+        self._order = np.argsort(codes)
+        self._sorted = codes[self._order]
+
+    def _codes(self, bits: np.ndarray) -> np.ndarray:
+        return (np.asarray(bits) > 0.5) @ self._weights
+
+    def indices(self, bits: np.ndarray) -> np.ndarray:
+        """Positions `(...)` of bit vectors `(..., n_bits)` in the list, -1 for those that are not in it."""
+        codes = self._codes(bits)
+        found = np.searchsorted(self._sorted, codes).clip(max=len(self._sorted) - 1)
+        return np.where(self._sorted[found] == codes, self._order[found], -1)
 
 
 @cache

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from curiobench.config import PRESETS
+from curiobench.config import PRESETS, preset
 from curiobench.results.reading import decisive
 from curiobench.results.variants import flatten
 from curiobench.tasks.registration import EPISODE_STEPS
@@ -60,13 +60,13 @@ def _changed(runs: "pd.DataFrame") -> dict[str, Any]:
 
 
 @cache
-def _usual(preset: str) -> dict[str, Any]:
-    """Options of a preset; none of one that is not known."""
-    return flatten(PRESETS[preset].decisive()) if preset in PRESETS else {}
+def _usual(name: str, task: str) -> dict[str, Any]:
+    """Options of a preset for a task; none of one that is not known."""
+    return flatten(preset(name, task).decisive()) if name in PRESETS else {}
 
 
 def _changed_in(config: dict[str, Any]) -> dict[str, Any]:
-    usual = _usual(config["preset"])
+    usual = _usual(config["preset"], config["task"])
     return {
         name: value
         for name, value in flatten(decisive(config)).items()

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 
-from curiobench.config import PRESETS
+from curiobench.config import PRESETS, preset
 from curiobench.methods.specs import canonical, split
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
 from curiobench.results.frames import METHOD_ORDER
@@ -49,8 +49,8 @@ def _runs_alike(config: dict[str, Any], against: Reference) -> list[dict[str, An
     """Options of published runs of the same task and robot; those of the preset where there are none."""
     published = against.runs.configs.values() if against.runs else ()
     found = [other for other in published if (other["task"], other["robot"]) == (config["task"], config["robot"])]
-    preset = PRESETS.get(config["preset"])
-    return found or ([preset.to_json()] if preset else [])
+    known = config["preset"] in PRESETS
+    return found or ([preset(config["preset"], config["task"]).to_json()] if known else [])
 
 
 def _protocol(options: dict[str, Any], path: str = "") -> dict[str, Any]:

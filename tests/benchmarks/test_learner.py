@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 
-from curiobench.methods.networks import PairLayout
+from curiobench.methods.pairs import PairLayout
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
 from curiobench.methods.sac import SAC

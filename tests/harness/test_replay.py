@@ -1,15 +1,21 @@
-"""Replay: relabelled rewards by hand, goal-balanced drawing, the cap, the ring, and saves that survive a kill."""
+"""Replay: relabelled rewards by hand, what is drawn how often, the ring, and saves that survive a kill."""
+
+from collections import Counter
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import chisquare
 
 from curiobench import files
-from curiobench.replay import EpisodeReplay, Episodes, GoalIndex, ReplayConfig
+from curiobench.queues import Queues
+from curiobench.relabelling import KINDS, arrival_kinds, draw_arrivals
+from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 
 STEPS, SIZE, ACTIONS = 4, 3, 2
 GOALS = np.array([[0, 0], [1, 0], [1, 1]], np.uint8)
+ON_BITS = np.array([False, True])
 
 
 def compute_reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> np.ndarray:
@@ -18,7 +24,7 @@ def compute_reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> n
 
 def replay_of(capacity: int = 8, folder=None, **config) -> EpisodeReplay:
     config = ReplayConfig(**{"capacity": capacity, **config})
-    return EpisodeReplay(config, GOALS, compute_reward, STEPS, SIZE, ACTIONS, folder)
+    return EpisodeReplay(config, GOALS, compute_reward, STEPS, SIZE, ACTIONS, ON_BITS, folder)
 
 
 def episodes_of(numbers: list[int], finals: list[tuple[int, int]]) -> Episodes:
@@ -102,7 +108,7 @@ def test_samples_are_whole_transitions_contiguous_and_typed():
 def test_goals_are_balanced_and_only_valid_ones_drawn():
     replay = replay_of(capacity=20)
     replay.add(episodes_of(list(range(10)), [(0, 0)] * 7 + [(1, 1)] + [(0, 1)] * 2))  # 01 is not a valid goal
-    assert replay.valid_goals[replay.index.counts > 0].tolist() == [[0, 0], [1, 1]]
+    assert replay.valid_goals[replay.ends.counts > 0].tolist() == [[0, 0], [1, 1]]
     episode = replay.sample(4000, np.random.default_rng(0))["observation"][:, 0] // 100
     assert abs((episode == 7).mean() - 0.5) < 0.03
     assert (episode < 8).all()
@@ -132,20 +138,93 @@ def test_cap_gives_way_when_every_goal_already_holds():
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(1, 6), st.lists(st.integers(-1, 2), min_size=1, max_size=30), st.integers(0, 29))
-def test_goal_index_equals_a_list_of_the_ring(capacity, goals, restore_at):
-    index, ring = GoalIndex(3, capacity), [-1] * capacity
-    for k, goal in enumerate(goals):
-        index.remove(k % capacity)
-        index.add(k % capacity, goal)
-        ring[k % capacity] = goal
-        if k == restore_at:
-            fresh = GoalIndex(3, capacity)
-            fresh.restore(index.goal_of, index.position)
-            index = fresh
-        for g in range(3):
-            members = index.members[g, : index.counts[g]].tolist()
-            assert sorted(members) == [slot for slot, held in enumerate(ring) if held == g]
+@given(st.lists(st.tuples(st.lists(st.integers(0, 3), max_size=9), st.integers(0, 9)), max_size=12))
+def test_queues_equal_lists(rounds):
+    """Each round appends numbers to groups, then removes the oldest ones of some group."""
+    queues, lists, number = Queues(4), [[] for _ in range(4)], 0
+    for groups, gone in rounds:
+        queues.push(np.array(groups, int), number + np.arange(len(groups)))
+        for group in groups:
+            lists[group].append(number)
+            number += 1
+        dropped = [group for group in range(4) for _ in range(min(gone, len(lists[group])))]
+        queues.drop(np.array(dropped, int))
+        for group in dropped:
+            lists[group].pop(0)
+        assert queues.counts.tolist() == [len(held) for held in lists]
+        for group, held in enumerate(lists):
+            places = (np.arange(len(held)) + 0.5) / max(1, len(held))
+            assert queues.draw(np.full(len(held), group), places).tolist() == held
+
+
+def random_episodes(rng: np.random.Generator, n: int) -> Episodes:
+    """Episodes whose bits flip at random; [0, 1] among them, which is no valid goal."""
+    base = episodes_of(list(range(n)), [(0, 0)] * n)
+    achieved = rng.integers(0, 2, (n, STEPS + 1, 2)).astype(np.uint8)
+    return Episodes(base.observation, achieved, base.action, GOALS[rng.integers(0, 3, n)])
+
+
+def arrivals_by_hand(replay: EpisodeReplay) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """(slot, step) of every arrival, by goal and kind, read off the definition."""
+    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for slot in range(len(replay)):
+        achieved = replay.arrays["achieved_goal"][slot].tolist()
+        for step in range(1, STEPS + 1):
+            before, after = achieved[step - 1], achieved[step]
+            if after == before or after not in GOALS.tolist():
+                continue
+            kind = 0 if after[1] > before[1] else 1 if after[0] > before[0] else 2
+            found.setdefault((GOALS.tolist().index(after), kind), []).append((slot, step))
+    return found
+
+
+def test_kinds_of_arrivals():
+    before = np.array([[0, 0], [0, 0], [1, 1], [1, 0], [0, 1]])
+    after = np.array([[1, 1], [1, 0], [1, 0], [0, 1], [1, 0]])
+    assert arrival_kinds(before, after, ON_BITS).tolist() == [0, 1, 2, 0, 1]
+
+
+@pytest.mark.parametrize("episodes", [5, 8, 23])
+def test_arrivals_are_drawn_as_defined(episodes):
+    """A goal and kind, an arrival of it, an earlier step without that goal: each uniformly, by a chi-square."""
+    replay = replay_of(capacity=8, relabelling="arrivals", arrival_share=1.0)
+    rng = np.random.default_rng(episodes)
+    for _ in range(episodes):
+        replay.add(random_episodes(rng, 1))
+    by_hand = arrivals_by_hand(replay)
+    counts = {divmod(group, KINDS): count for group, count in enumerate(replay.arrivals.counts) if count}
+    assert counts == {pair: len(places) for pair, places in by_hand.items()}
+    expected: dict[tuple[int, int, int], float] = {}
+    for (goal, _), places in by_hand.items():
+        for slot, arrival in places:
+            achieved = replay.arrays["achieved_goal"][slot]
+            steps = [t for t in range(arrival) if (achieved[t] != GOALS[goal]).any()]
+            for t in steps:
+                key = slot, t, goal
+                expected[key] = expected.get(key, 0.0) + 1 / (len(by_hand) * len(places) * len(steps))
+    n = 20_000
+    slot, step, desired = draw_arrivals(replay, n, np.random.default_rng(1))
+    goal = (desired[:, None] == GOALS).all(-1).argmax(1)
+    drawn = Counter(zip(slot.tolist(), step.tolist(), goal.tolist(), strict=True))
+    assert drawn.keys() <= expected.keys()
+    observed = [drawn[key] for key in expected]
+    assert chisquare(observed, [n * share for share in expected.values()]).pvalue > 1e-3
+
+
+def test_half_a_batch_comes_from_arrivals_and_the_cap_is_the_batch_s():
+    config = {"relabelling": "arrivals", "satisfied_cap": 0.2, "relabel_share": 0.0}
+    replay = replay_of(**config)
+    base = episodes_of([0], [(1, 1)])
+    replay.add(Episodes(base.observation, base.achieved_goal, base.action, np.array([[1, 0]])))
+    desired = replay.sample(1000, np.random.default_rng(0))["desired_goal"]
+    assert (desired == [1, 1]).all(1).sum() == 500  # the only arrival; the rest keep the goal that was pursued
+    still = replay_of(**config)
+    still.add(episodes_of([0, 1], [(0, 0)] * 2))  # without any arrival, and every goal holds already
+    assert len(still.sample(100, np.random.default_rng(0))["reward"]) == 100
+    mixed = replay_of(**config | {"relabel_share": 1.0})
+    mixed.add(random_episodes(np.random.default_rng(0), 8))
+    batch = mixed.sample(1000, np.random.default_rng(0))
+    assert 0.1 < (batch["achieved_goal"] == batch["desired_goal"]).all(1).mean() <= 0.2
 
 
 def test_same_generator_same_samples():
@@ -163,13 +242,14 @@ def test_memory_mapped_replay_is_the_same(tmp_path):
 
 
 @pytest.mark.parametrize("save_every", [1, 3, 5])
-def test_saved_replay_continues_to_the_bit(tmp_path, save_every):
-    original = replay_of()
+@pytest.mark.parametrize("relabelling", ["future", "arrivals"])
+def test_saved_replay_continues_to_the_bit(tmp_path, save_every, relabelling):
+    original = replay_of(relabelling=relabelling)
     for k in range(23):
         original.add(episodes_of([k, k + 100], [tuple(GOALS[k % 3]), tuple(GOALS[k % 2])]))
         if k % save_every == 0:
             name = original.save(tmp_path)
-            restored = replay_of()
+            restored = replay_of(relabelling=relabelling)
             restored.load(tmp_path, name)
             assert restored.added == original.added
             if k == 12:  # go on with the restored one
@@ -192,7 +272,7 @@ def test_a_save_writes_only_what_is_new(tmp_path):
 def test_a_kill_at_any_moment_of_a_save_leaves_the_previous_one(tmp_path, monkeypatch):
     """Every rename is a moment; the kill is an exception that the save cannot expect."""
     replace = files.os.replace
-    for moment in range(4):
+    for moment in range(3):
         folder = tmp_path / str(moment)
         replay, calls = filled(7), []
         name = replay.save(folder)
@@ -207,11 +287,11 @@ def test_a_kill_at_any_moment_of_a_save_leaves_the_previous_one(tmp_path, monkey
 
         with monkeypatch.context() as patch:
             patch.setattr(files.os, "replace", dies)
-            if moment < 3:
+            if moment < 2:
                 with pytest.raises(KeyboardInterrupt):
                     replay.save(folder)
             else:
-                replay.save(folder)  # three renames: episodes, index, manifest
+                replay.save(folder)  # two renames: episodes, manifest
         restored = replay_of()
         restored.load(folder, name)
         assert same(restored.sample(20, np.random.default_rng(0)), expected)
@@ -240,6 +320,6 @@ def test_bad_input_is_named(tmp_path):
     name = filled(3).save(tmp_path)
     with pytest.raises(ValueError, match="holds shapes"):
         replay_of(capacity=9).load(tmp_path, name)
-    for wrong_config in ({"capacity": 0}, {"relabel_share": 1.5}, {"satisfied_cap": -0.1}):
+    for wrong_config in ({"capacity": 0}, {"relabel_share": 1.5}, {"satisfied_cap": -0.1}, {"relabelling": "past"}):
         with pytest.raises(ValueError, match=next(iter(wrong_config))):
             ReplayConfig(**wrong_config)

@@ -1,11 +1,13 @@
 """Collecting: which goals are pursued, what an episode holds, and what stops it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tiny_runs import TINY
 
 from curiobench.methods.sac import NonFiniteError
-from curiobench.rollout import collect, draw_goals, successes
+from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking
 from curiobench.training_state import TrainingState
 
@@ -26,20 +28,10 @@ def worlds():
     return BatchedStacking("stack2", 3, seed=0)
 
 
-def test_goals_are_uniform_over_those_reached():
-    goals = np.eye(4, dtype=np.float32)
-    drawn = draw_goals(goals, np.array([False, True, False, True]), 4000, np.random.default_rng(0))
-    assert drawn.mean(axis=0) == pytest.approx([0, 0.5, 0, 0.5], abs=0.03)
-
-
-def test_before_any_goal_is_reached_all_are_drawn():
-    drawn = draw_goals(np.eye(4, dtype=np.float32), np.zeros(4, bool), 4000, np.random.default_rng(0))
-    assert drawn.mean(axis=0) == pytest.approx([0.25] * 4, abs=0.03)
-
-
 def test_an_episode_holds_what_the_agent_saw_and_did(worlds):
     agent, goals = Still(), worlds.goal_space.goals[[0, 1, 2]]
-    episodes = collect(worlds, agent, goals, biased=False)
+    worlds.reset()
+    episodes = collect(worlds, agent, goals)
     assert episodes.observation.shape == (3, 51, worlds.observation_size)
     assert episodes.achieved_goal.shape == (3, 51, 3)
     assert episodes.action.shape == (3, 50, 4)
@@ -63,7 +55,8 @@ def test_diverged_episodes_are_left_out(worlds, monkeypatch):
 
     monkeypatch.setattr(BatchedStacking, "step", diverge_once)
     goals = worlds.goal_space.goals[[0, 1, 2]]
-    episodes = collect(worlds, Still(), goals, biased=False)
+    worlds.reset()
+    episodes = collect(worlds, Still(), goals)
     np.testing.assert_array_equal(episodes.desired_goal, goals[[0, 2]])
 
 
@@ -77,23 +70,25 @@ def test_an_observation_that_is_not_finite_is_named(worlds, monkeypatch):
         return seen
 
     monkeypatch.setattr(BatchedStacking, "observe", spoil)
+    worlds.reset()
     with pytest.raises(NonFiniteError, match="step 7 of an episode: entry 5 of world 2's observation is nan"):
-        collect(worlds, Still(), worlds.goal_space.goals[[0, 0, 0]], biased=False)
+        collect(worlds, Still(), worlds.goal_space.goals[[0, 0, 0]])
 
 
-def test_biased_starts_begin_with_their_epoch(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("starts", "expected"), [("biased", [False, True]), ("plain", [False, False])])
+def test_biased_starts_begin_with_their_epoch_or_never(tmp_path, monkeypatch, starts, expected):
     seen, reset = [], BatchedStacking.reset
 
     def note(self, worlds=None, biased=False, goals=None):
         seen.append(biased)
         return reset(self, worlds, biased, goals)
 
-    state = TrainingState(TINY, tmp_path)
+    state = TrainingState(replace(TINY, starts=starts), tmp_path)
     monkeypatch.setattr(BatchedStacking, "reset", note)
     state.collect()
     state.counters.epoch = TINY.biased_from_epoch
     state.collect()
-    assert seen == [False, True]
+    assert seen == expected
 
 
 def test_collected_episodes_reach_replay_counters_and_reached_goals(tmp_path):
@@ -102,4 +97,4 @@ def test_collected_episodes_reach_replay_counters_and_reached_goals(tmp_path):
     assert len(state.replay) == TINY.worlds
     assert state.counters.steps == TINY.worlds * 50
     assert state.counters.sums["episodes"] == TINY.worlds
-    np.testing.assert_array_equal(state.replay.index.counts > 0, state.reached)
+    np.testing.assert_array_equal(state.replay.ends.counts > 0, state.reached)

@@ -15,7 +15,7 @@ from test_sac import Counting, agent_of, random_batch, same_state
 from test_sac_learning import two_state_batch
 
 from curiobench.methods.hybrid import EXPLOIT, EXPLORE, HybridAgent
-from curiobench.methods.networks import PairInputs
+from curiobench.methods.pairs import PairInputs
 from curiobench.methods.reward import Batch
 from curiobench.methods.sac import NonFiniteError
 from curiobench.methods.settings import HybridConfig, SACConfig

@@ -1,4 +1,4 @@
-"""Deep Sets over pairs: equal to the plain formulation, indexed by name, unchanged by renaming blocks."""
+"""Networks over pairs: equal to the plain formulation, indexed by name, unchanged by renaming blocks."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -9,7 +9,10 @@ from layouts import layout_of
 from torch.nn import functional as F
 
 from curiobench.methods.deepsets import DeepSets
-from curiobench.methods.networks import Actor, PairEncoder, PairLayout, TwinCritics, squashed_gaussian
+from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.pair_attention import PairAttention, pair_attention
+from curiobench.methods.pairs import PairEncoder, PairLayout
+from curiobench.methods.settings import SACConfig
 
 BATCH, HIDDEN = 5, 16
 
@@ -35,7 +38,13 @@ def rename(layout: PairLayout, order: tuple[int, ...], observation: torch.Tensor
     return torch.cat([body, blocks], dim=1), *(goal[:, source] for goal in goals)
 
 
-def plain(net: DeepSets, contexts: torch.Tensor, pairs: torch.Tensor) -> torch.Tensor:
+def plain_attention(net: PairAttention, contexts: torch.Tensor, pairs: torch.Tensor) -> torch.Tensor:
+    """`PairAttention` by its definition, as it runs on a GPU."""
+    weights = (net.first, net.second, net.third, net.attention, net.out_weights, net.out_bias)
+    return pair_attention(contexts, pairs, net.layer_norm, *weights)
+
+
+def plain_deep_sets(net: DeepSets, contexts: torch.Tensor, pairs: torch.Tensor) -> torch.Tensor:
     """`DeepSets` written down as its definition: one member, one context and one pair at a time, by autograd."""
     outputs = []
     for member in range(len(net.hidden_weights)):
@@ -54,12 +63,14 @@ def plain(net: DeepSets, contexts: torch.Tensor, pairs: torch.Tensor) -> torch.T
 
 
 @pytest.mark.parametrize("layer_norm", [True, False])
+@pytest.mark.parametrize(("kind", "plain"), [(DeepSets, plain_deep_sets), (PairAttention, plain_attention)])
 @pytest.mark.parametrize(("members", "n_contexts", "n_pairs"), [(1, 1, 1), (2, 1, 2), (2, 2, 6), (2, 3, 2)])
-def test_fast_path_equals_the_plain_formulation(members, n_contexts, n_pairs, layer_norm):
+def test_fast_path_equals_the_plain_formulation(members, n_contexts, n_pairs, kind, plain, layer_norm):
     generator = torch.Generator().manual_seed(1)
-    net = DeepSets(members, 4, 7, HIDDEN, 3, layer_norm, generator).double()
-    with torch.no_grad():  # biases start at zero; make them matter
-        net.hidden_weights += 0.1 * torch.randn(net.hidden_weights.shape, generator=generator).double()
+    net = kind(members, 4, 7, HIDDEN, 3, layer_norm, generator).double()
+    with torch.no_grad():  # biases and attention start at zero; make them matter
+        for weights in net.parameters():
+            weights += 0.1 * torch.randn(weights.shape, generator=generator).double()
     contexts = torch.randn(n_contexts, BATCH, 4, generator=generator).double().requires_grad_()
     pairs = torch.randn(n_pairs, BATCH, 7, generator=generator).double()
     weight = torch.randn(members, n_contexts, BATCH, 3, generator=generator).double()
@@ -81,11 +92,12 @@ def test_fast_path_equals_the_plain_formulation(members, n_contexts, n_pairs, la
 
 def critic_and_actor(layout: PairLayout, **options):
     """Outputs of fresh networks as a function of raw inputs: values (2, 1, B), mean and log std (B, A) each."""
-    encoder = PairEncoder(layout, **options)
+    config = SACConfig(hidden=HIDDEN, **options)
+    encoder = PairEncoder(layout, config)
     observation, achieved, desired = some_inputs(layout, seed=7)
     encoder.observe(3 * observation + 1, achieved, desired)
     generator = torch.Generator().manual_seed(2)
-    actor, critics = Actor(encoder, HIDDEN, True, generator), TwinCritics(encoder, HIDDEN, True, generator)
+    actor, critics = Actor(encoder, config, generator), TwinCritics(encoder, config, generator)
     actions = torch.randn(1, BATCH, layout.action_size, generator=generator).tanh()
 
     def outputs(*raw: torch.Tensor) -> list[torch.Tensor]:
@@ -99,10 +111,14 @@ def same(first: list[torch.Tensor], second: list[torch.Tensor]) -> bool:
     return all(torch.allclose(a, b, atol=1e-5) for a, b in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize("n_blocks", [2, 3, 4])
-def test_renaming_blocks_changes_nothing(n_blocks):
+LAPTOP = {"pairs": "roles", "features": "near_field", "network": "pair_attention", "detail_scale": 0.1}
+
+
+@pytest.mark.parametrize("options", [{}, LAPTOP], ids=["paper", "laptop"])
+@pytest.mark.parametrize("n_blocks", [2, 3, 4, 5])
+def test_renaming_blocks_changes_nothing(n_blocks, options):
     layout = layout_of(n_blocks)
-    outputs, raw = critic_and_actor(layout), some_inputs(layout)
+    outputs, raw = critic_and_actor(layout, **options), some_inputs(layout)
     for order in permutations(range(n_blocks)):
         assert same(outputs(*raw), outputs(*rename(layout, order, *raw)))
 
@@ -126,8 +142,10 @@ def test_oriented_pairs_are_turned_by_the_goal():
         assert same(outputs(*raw), outputs(*rename(layout, (1, 0), *raw))) is unchanged
 
 
-@pytest.mark.parametrize("pairs", ["symmetric", "oriented"])
-def test_bits_are_found_by_name(pairs):
+@pytest.mark.parametrize(
+    ("pairs", "features"), [("symmetric", "state"), ("oriented", "state"), ("roles", "near_field")]
+)
+def test_bits_are_found_by_name(pairs, features):
     """The public DECSTR code reads on-bits in another order than its environment writes them; here order is data."""
     layout = layout_of(3)
     moved = [2, 0, 1, 8, 3, 7, 4, 6, 5]  # the bit at k now stands at moved[k]
@@ -136,9 +154,26 @@ def test_bits_are_found_by_name(pairs):
     reordered = [torch.empty_like(goal) for goal in goals]
     for goal, into in zip(goals, reordered, strict=True):
         into[:, moved] = goal
-    reference = PairEncoder(layout, pairs).encode(observation, *goals)
-    assert torch.equal(reference.pairs, PairEncoder(other, pairs).encode(observation, *reordered).pairs)
-    assert not torch.equal(reference.pairs, PairEncoder(layout, pairs).encode(observation, *reordered).pairs)
+    config = SACConfig(pairs=pairs, features=features)
+    reference = PairEncoder(layout, config).encode(observation, *goals)
+    assert torch.equal(reference.pairs, PairEncoder(other, config).encode(observation, *reordered).pairs)
+    assert not torch.equal(reference.pairs, PairEncoder(layout, config).encode(observation, *reordered).pairs)
+
+
+@pytest.mark.parametrize("features", ["state", "near_field"])
+@pytest.mark.parametrize("pairs", ["symmetric", "oriented", "roles"])
+@pytest.mark.parametrize("n_blocks", [2, 4])
+def test_fast_encoding_equals_the_plain_one(n_blocks, pairs, features):
+    layout = layout_of(n_blocks)
+    encoder = PairEncoder(layout, SACConfig(pairs=pairs, features=features, detail_scale=0.1))
+    observation, achieved, desired = some_inputs(layout)
+    encoder.observe(3 * observation + 1, achieved, desired)
+    rows = torch.cat([observation, achieved, desired], dim=1).expand(2, -1, -1).contiguous()
+    rows[1] *= 0.1  # some small enough not to saturate
+    fast = encoder.encode_rows(rows)
+    for k, plain in enumerate(zip(*encoder.encode_plainly(rows), strict=True)):
+        for got, want in zip(fast[k], plain, strict=True):
+            torch.testing.assert_close(got, want)
 
 
 def test_layouts_that_miss_or_repeat_a_name_are_refused():
@@ -149,12 +184,12 @@ def test_layouts_that_miss_or_repeat_a_name_are_refused():
     with pytest.raises(ValueError, match="goal bits"):
         PairLayout(2, ((0, 1, 0, 1, 1),))
     with pytest.raises(ValueError, match="'ordered'"):
-        PairEncoder(layout_of(2), pairs="ordered")
+        SACConfig(pairs="ordered")
 
 
 def test_encoder_statistics_are_shared_and_explicit():
     layout = layout_of(3)
-    encoder, raw = PairEncoder(layout), some_inputs(layout)
+    encoder, raw = PairEncoder(layout, SACConfig()), some_inputs(layout)
     before = encoder.encode(*raw)
     assert torch.equal(before.state, raw[0].clamp(-5, 5))
     assert torch.equal(encoder.encode(*raw).state, before.state)
@@ -162,7 +197,7 @@ def test_encoder_statistics_are_shared_and_explicit():
     blocks = raw[0][:, 10:].reshape(-1, 15)
     expected = ((blocks - blocks.mean(0)) / blocks.std(0, correction=0)).view(BATCH, 45).clamp(-5, 5)
     torch.testing.assert_close(encoder.encode(*raw).state[:, 10:], expected)
-    restored = PairEncoder(layout)
+    restored = PairEncoder(layout, SACConfig())
     restored.load_state_dict(encoder.state_dict())
     assert torch.equal(restored.encode(*raw).pairs, encoder.encode(*raw).pairs)
 

@@ -1,8 +1,9 @@
 """SAC: losses by hand, the seam for curiosity methods, and continuation to the bit."""
 
+import copy
 import io
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import torch
 from curiosity import mutated
 from layouts import SMALL, layout_of
 
-from curiobench.methods.networks import PairLayout
+from curiobench.methods.pairs import PairLayout
+from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 from curiobench.methods.sac import (
     SAC,
@@ -175,7 +177,7 @@ def test_update_reads_a_batch_only_through_its_fixed_buffers():
     address = agent._static.rows.data_ptr()
     metrics = agent.update(second)
     twin._static.load(second)
-    assert same_state(twin._captured(), metrics)
+    assert same_state(twin._captured[True](), metrics)
     assert agent._static.rows.data_ptr() == address
     for name in ("actor", "critics"):
         assert same_state(getattr(agent, name).state_dict(), getattr(twin, name).state_dict())
@@ -199,6 +201,27 @@ def test_target_critics_move_every_second_update():
     agent.update(random_batch(SMALL, 8, rng))
     for old, new, source in zip(before, agent.target_critics.parameters(), agent.critics.parameters(), strict=True):
         torch.testing.assert_close(new, 0.75 * old + 0.25 * source)
+
+
+@pytest.mark.parametrize("spec", ["sac", "rnd", "dac", "rnd+hm", "dac+hm"])
+def test_the_policy_moves_every_other_update_only(spec):
+    """Also where a method looks at the policy (DAC); updates that move it are those of an agent that always does."""
+    config = SACConfig(hidden=16, actor_every=2, tune_temperature=True)
+    agent = make_agent(spec, SMALL, config, torch.Generator().manual_seed(0))
+    always = make_agent(spec, SMALL, replace(config, actor_every=1), torch.Generator().manual_seed(0))
+    batches = [random_batch(SMALL, 8, np.random.default_rng(k)) for k in range(3)]
+    agent.update(batches[0])
+    always.update(batches[0])
+    assert same_state(agent.state_dict(), always.state_dict())
+    before = copy.deepcopy([agent.actor.state_dict(), agent.log_alpha.detach(), agent.critics.state_dict()])
+    metrics = agent.update(batches[1])
+    assert same_state(agent.actor.state_dict(), before[0])
+    assert torch.equal(agent.log_alpha, before[1])
+    assert not same_state(agent.critics.state_dict(), before[2])
+    assert "critic_loss" in metrics
+    assert not {"policy_loss", "entropy", "temperature_loss"} & metrics.keys()
+    agent.update(batches[2])
+    assert not same_state(agent.actor.state_dict(), before[0])
 
 
 def check_intrinsic_reward(cls: type[SAC]) -> None:
@@ -280,7 +303,10 @@ def test_non_finite_loss_names_update_and_term_and_leaves_the_agent():
     assert all(torch.equal(a, b) for a, b in zip(weights, after, strict=True))
 
 
-@pytest.mark.parametrize("wrong", [{"gamma": 1.0}, {"polyak": 0.0}, {"tau": -1.0}, {"hidden": 0}, {"temperature": 0.0}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"gamma": 1.0}, {"polyak": 0.0}, {"tau": -1.0}, {"hidden": 0}, {"temperature": 0.0}, {"detail_scale": 0.0}],
+)
 def test_settings_out_of_range_are_refused(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=name):

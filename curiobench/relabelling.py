@@ -1,0 +1,110 @@
+"""Which transitions a batch holds, and under which desired goals: hindsight relabelling, at sample time.
+
+A relabelling is a function of a replay, a size and a generator. It returns slots `(B,)`, steps before the action `(B,)`
+and desired goals `(B, bits)`; the replay does the rest.
+
+future      HER (Andrychowicz et al. 2017, arXiv 1707.01495): a goal that the episode achieves later, or its own.
+arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`.
+"""
+
+from collections.abc import Callable
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from curiobench.replay import EpisodeReplay
+
+Draw = tuple[np.ndarray, np.ndarray, np.ndarray]
+KINDS = 3
+"""Kinds of arrivals: a block was put on another; else two came close; else something was only undone."""
+
+
+def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) -> np.ndarray:
+    """Kind (...) of the changes between achieved goals `(..., bits)`: 0, 1 or 2, as in `KINDS`.
+
+    `on_bits` `(bits,)` bool says which bits mean that a block lies on another.
+    """
+    gained = after > before
+    return np.where((gained & on_bits).any(-1), 0, np.where(gained.any(-1), 1, 2))
+
+
+def draw_future(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
+    """Goal-balanced episodes, uniform steps, "future" goals; at most `satisfied_cap` of them already satisfied."""
+    cap = replay.config.satisfied_cap
+    return _draw_capped(replay, size, None if cap is None else int(cap * size), generator)
+
+
+def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
+    """`arrival_share` of a batch from arrivals, the rest as `draw_future`.
+
+    An arrival is a step at which the achieved goal changes to a valid goal g. Drawn uniformly are: a pair of g and a
+    kind of arrival, since else cheap kinds fill the batch; an arrival of that pair; an earlier step of its episode at
+    which g did not hold. The transition from that step on is relabelled with g.
+
+    Of the transitions that `draw_future` gives, few have a goal that is neither satisfied already nor never reached in
+    their episode; here all have.
+    """
+    config = replay.config
+    occurring = np.flatnonzero(replay.arrivals.counts)
+    n = round(config.arrival_share * size) if len(occurring) else 0
+    quota = None if config.satisfied_cap is None else int(config.satisfied_cap * size)
+    rest = _draw_capped(replay, size - n, quota, generator)
+    if n == 0:
+        return rest
+    uniform = generator.random((3, n))
+    group = occurring[_scaled(uniform[0], len(occurring))]
+    slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
+    goal = group // KINDS
+    earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
+    rank = _scaled(uniform[2], earlier.sum(1))
+    step = np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1)
+    drawn = slot, step, replay.valid_goals[goal]
+    return tuple(np.concatenate(parts) for parts in zip(drawn, rest, strict=True))
+
+
+RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Generator], Draw]] = MappingProxyType(
+    {"future": draw_future, "arrivals": draw_arrivals}
+)
+"""By the name that `ReplayConfig.relabelling` gives."""
+
+
+def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generator: np.random.Generator) -> Draw:
+    """`size` draws, at most `quota` of them already satisfied.
+
+    Draws candidates until enough are accepted, at most ten times; then rejected ones fill up.
+    """
+    if quota is None:
+        return _draw(replay, size, generator)
+    pool = _draw(replay, 2 * size, generator)
+    for attempt in range(10):
+        slot, step, desired = pool
+        satisfied = (replay.arrays["achieved_goal"][slot, step] == desired).all(1)
+        accepted = ~satisfied | (np.cumsum(satisfied) <= quota)
+        if accepted.sum() >= size or attempt == 9:
+            break
+        pool = tuple(np.concatenate(p) for p in zip(pool, _draw(replay, 2 * size, generator), strict=True))
+    chosen = np.concatenate([np.flatnonzero(accepted), np.flatnonzero(~accepted)])[:size]
+    return slot[chosen], step[chosen], desired[chosen]
+
+
+def _draw(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
+    """One random draw of an episode, a step and a goal for each of `size` transitions."""
+    uniform = generator.random((5, size))
+    reached = np.flatnonzero(replay.ends.counts)
+    if replay.config.balance_goals and len(reached):
+        slot = replay.ends.draw(reached[_scaled(uniform[0], len(reached))], uniform[1])
+    else:
+        slot = _scaled(uniform[1], len(replay))
+    step = _scaled(uniform[2], replay.steps)
+    future = step + 1 + _scaled(uniform[3], replay.steps - step)
+    relabelled = replay.arrays["achieved_goal"][slot, future]
+    keep = uniform[4] >= replay.config.relabel_share
+    relabelled[keep] = replay.arrays["desired_goal"][slot[keep]]
+    return slot, step, relabelled
+
+
+def _scaled(uniform: np.ndarray, n: int | np.ndarray) -> np.ndarray:
+    """Numbers in [0, 1) to integers in [0, n)."""
+    return (uniform * n).astype(np.int64)

@@ -1,0 +1,59 @@
+"""Near-field features: what decides whether a hand grasps and a block lands, at the scale at which it is decided.
+
+Stacking is a matter of millimetres to centimetres, on a table half a metre wide. Normalised positions change by little
+there, and a network is slow to learn such differences. These features, with the scales at which they saturate, were
+found by experiment (docs/presets.md).
+"""
+
+import torch
+from torch import Tensor
+
+TANH_SCALES = (0.04, 0.015)
+"""Metres at which the tanh of a displacement bends: about a block, and about the fingers' play around one."""
+EXP_SCALES = (0.03, 0.1)
+"""Metres over which the exponential of a distance decays."""
+LINEAR_SCALE = 0.1
+"""Unit of the displacement of two blocks that is fed as it is (metres)."""
+GOAL_ON, STATE_ON = 4.0, 2.0
+"""Weights of what turns a pair: the goal's "on" outweighs the state's, which outweighs the distance from the hand."""
+
+
+def block_features(offset: Tensor) -> Tensor:
+    """Of each block beside the hand (..., 8), from its position less the hand's (..., 3) in metres."""
+    distance = torch.linalg.vector_norm(offset, dim=-1, keepdim=True)
+    return torch.cat([*_tanhs(offset), *_exps(distance)], dim=-1)
+
+
+def pair_features(offset: Tensor) -> Tensor:
+    """Of two blocks (..., 11), from the first's position less the second's (..., 3) in metres.
+
+    The distance is the horizontal one: that of a block above the other is 0.
+    """
+    distance = torch.linalg.vector_norm(offset[..., :2], dim=-1, keepdim=True)
+    return torch.cat([offset / LINEAR_SCALE, *_tanhs(offset), *_exps(distance)], dim=-1)
+
+
+def goal_differences(achieved: Tensor, desired: Tensor) -> tuple[Tensor, Tensor]:
+    """Which bits are wanted and missing, and which are present and unwanted, (..., k) each, of goals (..., k)."""
+    difference = desired - achieved
+    return difference.clamp(min=0), (-difference).clamp(min=0)
+
+
+def turned_by_role(desired_on: Tensor, achieved_on: Tensor, nearer: Tensor) -> Tensor:
+    """Whether a pair (i, j) is fed as (j, i) (...): the upper block first, else the one nearer to the hand.
+
+    Args:
+        desired_on: (..., 2) the goal's on(i, j) and on(j, i).
+        achieved_on: (..., 2) the state's.
+        nearer: (...) metres by which i is nearer to the hand than j.
+    """
+    weighed = GOAL_ON * desired_on + STATE_ON * achieved_on
+    return weighed[..., 0] - weighed[..., 1] + nearer.sign() < 0
+
+
+def _tanhs(offset: Tensor) -> list[Tensor]:
+    return [(offset * (1 / scale)).tanh_() for scale in TANH_SCALES]
+
+
+def _exps(distance: Tensor) -> list[Tensor]:
+    return [(distance * (-1 / scale)).exp_() for scale in EXP_SCALES]

@@ -1,0 +1,191 @@
+"""Attention over pairs, a batch of networks at once: for each of them
+
+    h_p = relu(norm(W_1 [context, p]))                                   H units
+    z_p = relu(norm(W_2 h_p))                                            2 H
+    out = W_4 relu(norm(W_3 sum over pairs p of softmax_p(v · h_p) z_p)) 2 H
+
+A sum over pairs, as in Deep Sets, weighs what does not matter now as much as what does: pairs that are already as
+wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019, arXiv
+1810.00825) lets the network choose. Norms are layer norms (Ba et al. 2016) without gain and offset.
+"""
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from curiobench.methods import fused
+
+
+class PairAttention(nn.Module):
+    """`members` networks with the same inputs and separate weights, each layer one batched product.
+
+    Weights are uniform with Xavier's bound, drawn from `generator`; biases, and v, are zero: at first all pairs count
+    alike. Each matrix has the rows of a layer's inputs and its bias:
+
+        first  [context | pair | bias] to H      second  [h | bias] to 2 H      third  [pooled | bias] to 2 H
+    """
+
+    def __init__(
+        self,
+        members: int,
+        context_size: int,
+        pair_size: int,
+        hidden: int,
+        out_size: int,
+        layer_norm: bool,
+        generator: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.layer_norm, self.context_size = layer_norm, context_size
+        sizes = ((context_size + pair_size, hidden), (hidden, 2 * hidden), (2 * hidden, 2 * hidden))
+        device = generator.device
+        self.first, self.second, self.third = (
+            nn.Parameter(torch.zeros(members, inputs + 1, units, device=device)) for inputs, units in sizes
+        )
+        self.attention = nn.Parameter(torch.zeros(members, hidden, 1, device=device))
+        self.out_weights = nn.Parameter(torch.zeros(members, out_size, 2 * hidden, device=device))
+        self.out_bias = nn.Parameter(torch.zeros(members, out_size, 1, device=device))
+        with torch.no_grad():
+            for weights in (self.first[:, :-1], self.second[:, :-1], self.third[:, :-1], self.out_weights.mT):
+                bound = (6.0 / (weights.shape[1] + weights.shape[2])) ** 0.5
+                weights.uniform_(-bound, bound, generator=generator)
+
+    def forward(self, contexts: Tensor, pairs: Tensor, trained: int | None = None) -> Tensor:
+        """K contexts (K, B, C), each with the same pairs (P, B, F), to outputs (members, K, B, out_size).
+
+        Gradients of the first `trained` contexts' outputs reach the weights; those of the others reach the contexts.
+        By default all reach the weights.
+        """
+        trained = len(contexts) if trained is None else trained
+        weights = (self.first, self.second, self.third, self.attention, self.out_weights, self.out_bias)
+        if contexts.is_cuda:
+            frozen = [weight.detach() for weight in weights]
+            parts = [(contexts[:trained].detach(), weights), (contexts[trained:], frozen)]
+            return torch.cat([pair_attention(c, pairs, self.layer_norm, *w) for c, w in parts if len(c)], dim=1)
+        return PairAttentionFunction.apply(contexts, pairs, self.layer_norm, trained, *weights)
+
+
+def pair_attention(contexts, pairs, layer_norm, first, second, third, attention, out_weights, out_bias) -> Tensor:
+    """`PairAttention` written down as its definition; shapes as in its `forward`."""
+    n_contexts, (n_pairs, batch, _) = len(contexts), pairs.shape
+
+    def normed_relu(x: Tensor) -> Tensor:
+        return F.relu(F.layer_norm(x, x.shape[-1:]) if layer_norm else x)
+
+    def affine(x: Tensor, weights: Tensor) -> Tensor:
+        return torch.baddbmm(weights[:, -1:], x.expand(len(weights), -1, -1), weights[:, :-1])
+
+    every = [contexts[:, None].expand(-1, n_pairs, -1, -1), pairs.expand(n_contexts, -1, -1, -1)]
+    h = normed_relu(affine(torch.cat(every, dim=-1).flatten(0, 2), first))
+    weights = (h @ attention).view(-1, n_contexts, n_pairs, batch, 1).softmax(2)
+    z = normed_relu(affine(h, second)).unflatten(1, (n_contexts, n_pairs, batch))
+    rho = normed_relu(affine((weights * z).sum(2).flatten(1, 2), third))
+    return (rho @ out_weights.mT + out_bias.mT).unflatten(1, (n_contexts, batch))
+
+
+class PairAttentionFunction(torch.autograd.Function):
+    """`pair_attention` on a CPU, with its gradient written out; a test holds the two equal.
+
+    Between the products everything is done in one pass over memory (`fused.py`). Products of the pairs are shared by
+    all contexts. Norms are centred once on the weights instead of on every row of activations; and the second norm's
+    division is never carried out on activations: relu(z / std) = relu(z) / std, so 1 / std joins the pair's weight.
+    """
+
+    @staticmethod
+    def forward(ctx, contexts, pairs, layer_norm, trained, first, second, third, attention, out_weights, out_bias):
+        (n_contexts, batch, size), n_pairs, members = contexts.shape, len(pairs), len(first)
+        shape, attention = (n_contexts, n_pairs, batch), attention.detach()
+        first, second, third = (_centred(weights, layer_norm) for weights in (first, second, third))
+        of_context = torch.baddbmm(first[:, -1:], _every_member(contexts, members), first[:, :size])
+        of_pair = torch.bmm(_every_member(pairs, members), first[:, size:-1])
+        rows, units = n_contexts * n_pairs * batch, first.shape[2]
+        x, h = (first.new_empty(members, rows, units) for _ in range(2))
+        scales_1, scores, weights, scales_2 = first.new_empty(4, members, rows).unbind()
+        inputs = (array.numpy() for array in (of_pair, of_context, attention))
+        fused.first_layer(*inputs, shape, layer_norm, x.numpy(), h.numpy(), scales_1.numpy(), scores.numpy())
+        z = torch.baddbmm(second[:, -1:], h, second[:, :-1])
+        pooled = z.new_empty(members, n_contexts * batch, z.shape[2])
+        outputs = (array.numpy() for array in (weights, scales_2, pooled))
+        fused.pool(z.numpy(), scores.numpy(), shape, layer_norm, *outputs)
+        y = torch.baddbmm(third[:, -1:], pooled, third[:, :-1])
+        rho, scales_3 = torch.empty_like(y), y.new_empty(y.shape[:2])
+        fused.norm_relu(y.numpy(), layer_norm, rho.numpy(), scales_3.numpy())
+        ctx.shape, ctx.layer_norm, ctx.trained = shape, layer_norm, trained
+        ctx.save_for_backward(
+            contexts, pairs, first, second, third, attention, out_weights, x, h, scales_1, weights, z, scales_2, pooled,
+            y, rho, scales_3,
+        )  # fmt: skip
+        # for few outputs this way round is up to four times as fast
+        return torch.baddbmm(out_bias, out_weights, rho.mT).mT.unflatten(1, (n_contexts, batch))
+
+    @staticmethod
+    def backward(ctx, grad):
+        (
+            contexts, pairs, first, second, third, attention, out_weights, x, h, scales_1, weights, z, scales_2, pooled,
+            y, rho, scales_3,
+        ) = ctx.saved_tensors  # fmt: skip
+        members, norm, size = len(first), ctx.layer_norm, contexts.shape[2]
+        grad = grad.flatten(1, 2)
+        outer = torch.mul if out_weights.shape[1] == 1 else torch.bmm  # equal, and several times as fast
+        at_y = outer(grad, out_weights.detach())
+        fused.norm_relu_backward(at_y.numpy(), y.numpy(), scales_3.numpy(), norm)
+        at_pooled = torch.bmm(at_y, third[:, :-1].mT)
+        at_z, at_scores = torch.empty_like(z), torch.empty_like(weights)
+        inputs = (array.numpy() for array in (at_pooled, z, weights, scales_2))
+        fused.pool_backward(*inputs, ctx.shape, norm, at_z.numpy(), at_scores.numpy())
+        at_x = torch.bmm(at_z, second[:, :-1].mT)
+        at_context = at_x.new_empty(members, len(contexts) * contexts.shape[1], at_x.shape[2])
+        inputs = (array.numpy() for array in (at_x, at_scores, attention, x, scales_1))
+        fused.first_layer_backward(*inputs, ctx.shape, norm, at_context.numpy())
+        few, to_contexts = (
+            ctx.trained * contexts.shape[1],
+            None,
+        )  # rows of the contexts that train the weights come first
+        if ctx.needs_input_grad[0]:
+            to_contexts = torch.zeros_like(contexts)
+            to_others = torch.bmm(at_context[:, few:], first[:, :size].mT).sum(0)
+            to_contexts[ctx.trained :] = to_others.view_as(to_contexts[ctx.trained :])
+        if not few:
+            return to_contexts, *[None] * 9
+        rows = few * len(pairs)
+        over_contexts = at_x[:, :rows].unflatten(1, (ctx.trained, -1)).sum(1) if ctx.trained > 1 else at_x[:, :rows]
+        both = [_every_member(inputs, members) for inputs in (contexts[: ctx.trained], pairs)]
+        to_first = _gradient(first, both, [at_context[:, :few], over_contexts])
+        to_second = _gradient(second, [h[:, :rows]], [at_z[:, :rows]])
+        to_third = _gradient(third, [pooled[:, :few]], [at_y[:, :few]])
+        if norm:  # the gradient of centring
+            for gradient in (to_first, to_second, to_third):
+                fused.centre(gradient.numpy(), gradient.numpy())
+        to_attention = torch.bmm(h[:, :rows].mT, at_scores[:, :rows].unsqueeze(-1))
+        to_out = torch.bmm(grad[:, :few].mT, rho[:, :few])
+        to_out_bias = grad[:, :few].sum(1).unsqueeze(-1)
+        return to_contexts, None, None, None, to_first, to_second, to_third, to_attention, to_out, to_out_bias
+
+
+def _centred(weights: Tensor, layer_norm: bool) -> Tensor:
+    """Weights (M, R, H) less the mean of each row, so that what they give is centred; as they are without a norm."""
+    weights = weights.detach()
+    if not layer_norm:
+        return weights
+    centred = torch.empty_like(weights)
+    fused.centre(weights.numpy(), centred.numpy())
+    return centred
+
+
+def _every_member(inputs: Tensor, members: int) -> Tensor:
+    """Inputs (…, B, F) as the same rows (members, R, F) for each member."""
+    return inputs.flatten(0, -2).expand(members, -1, -1)
+
+
+def _gradient(weights: Tensor, inputs: list[Tensor], at_outputs: list[Tensor]) -> Tensor:
+    """Gradient of a layer's weights (M, inputs + 1, units), the last row its bias.
+
+    From its inputs (M, R, F), which are the matrix's rows in that order, and the gradient (M, R, units) at what each of
+    them gave; the bias belongs to the first.
+    """
+    gradient = torch.empty_like(weights)
+    parts = gradient[:, :-1].split([rows.shape[-1] for rows in inputs], dim=1)
+    for rows, at, part in zip(inputs, at_outputs, parts, strict=True):
+        torch.bmm(rows.mT, at, out=part)
+    torch.sum(at_outputs[0], 1, keepdim=True, out=gradient[:, -1:])
+    return gradient
