@@ -17,8 +17,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
-quickstart: $(INSTALLED)   ## a few minutes: trains sac on stack2 and shows what it learned
-	$(BIN)/curiobench train --preset smoke --task stack2 --method sac --seed 0 --epochs 40 --out runs/quickstart
+quickstart: $(INSTALLED)   ## some minutes: trains sac on stack2 until it stacks, shows what it learned, films it
+	$(BIN)/curiobench train --preset laptop --task stack2 --method sac --seed 0 --machine.threads 2 --resume --out runs/quickstart
+	$(BIN)/curiobench table runs/quickstart
+	$(BIN)/curiobench video runs/quickstart --goal "a on b" --out runs/quickstart/a_on_b.gif
 
 test: $(INSTALLED)   ## all checks but the slow ones
 	$(BIN)/ruff check .

@@ -71,7 +71,7 @@ class Subject:
         return Batch(seen.state, seen.action, seen.next_state, *goals, torch.rand(size, generator=generator).round())
 
     def agent(self, method: IntrinsicReward | None = None) -> SAC:
-        """A small agent, as the preset laptop has it."""
+        """A small agent, as the preset short has it."""
         return SAC(self.layout, SACConfig(hidden=64), torch.Generator().manual_seed(0), method)
 
 

@@ -5,8 +5,8 @@
     out = W_4 relu(norm(W_3 sum over pairs p of softmax_p(v · h_p) z_p)) 2 H
 
 A sum over pairs, as in Deep Sets, weighs what does not matter now as much as what does: pairs that are already as
-wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019, arXiv
-1810.00825) lets the network choose. Norms are layer norms (Ba et al. 2016) without gain and offset.
+wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019,
+arXiv 1810.00825) lets the network choose. Norms are layer norms (Ba et al. 2016) without gain and offset.
 """
 
 import torch

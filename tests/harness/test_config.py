@@ -5,7 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from curiobench.config import CONFIG_VERSION, PRESET_LINES, PRESET_NAMES, PRESETS, MachineConfig, RunConfig, differences
+from curiobench.config import (
+    CONFIG_VERSION,
+    PRESET_LINES,
+    PRESET_NAMES,
+    PRESETS,
+    MachineConfig,
+    RunConfig,
+    differences,
+    preset,
+)
 from curiobench.train_arguments import parse_train
 
 
@@ -20,6 +29,8 @@ def test_survives_json(name):
 def test_paper_preset_has_the_papers_scale():
     paper = PRESETS["paper"]
     assert paper.epochs * paper.cycles * paper.worlds * paper.rollouts * 50 == 40_000_000
+    assert (paper.curriculum, paper.replay.relabelling, paper.biased_from_epoch) == ("reached", "future", 80)
+    assert (paper.sac.network, paper.sac.features, paper.sac.actor_every) == ("deep_sets", "state", 1)
 
 
 def altered(path, value):
@@ -113,12 +124,11 @@ def test_the_laptop_preset_is_the_default():
     assert parse_train(["--out", "x"]).config == PRESETS["laptop"]
 
 
-def test_the_short_preset_is_the_first_half_of_laptop():
-    laptop = PRESETS["laptop"]
-    assert differences(laptop, PRESETS["short"]) == [
-        "preset is 'laptop', not 'short'",
-        f"epochs is {laptop.epochs}, not {laptop.epochs // 2}",
-    ]
+def test_the_laptop_preset_is_shorter_for_two_blocks():
+    laptop, parsed = PRESETS["laptop"], parse_train(["--out", "x", "--task", "stack2"]).config
+    assert parsed == preset("laptop", "stack2")
+    assert parsed.epochs < laptop.epochs
+    assert parsed.sac == laptop.sac
 
 
 @pytest.mark.parametrize(

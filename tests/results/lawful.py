@@ -14,13 +14,13 @@ from curiobench.tasks.registration import TASK_VERSION
 
 OUTSIDE = "pkg.mod:Class"
 """A method that cannot be imported."""
-EPOCHS, STEPS, UPDATES = 40, 128_000, 2_400
-"""Epochs of the laptop preset, and steps and updates of each."""
+EPOCHS, STEPS, UPDATES = 20, 128_000, 2_400
+"""Epochs of the short preset, and steps and updates of each."""
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
 
 def write_lawful(folder: Path, methods: Iterable[str] = ("sac", OUTSIDE), seeds: int = 4) -> list[Path]:
-    """Write run folders of the laptop preset, four seeds a method."""
+    """Write run folders of the short preset, four seeds a method."""
     paths = write_runs(folder, methods=list(methods), seeds=seeds, epochs=EPOCHS)
     for number, path in enumerate(paths):
         edit_versions(path, git_commit=COMMIT, task_version=TASK_VERSION, evaluation_seed=EVALUATION_SEED)

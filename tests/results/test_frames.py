@@ -217,7 +217,7 @@ def test_a_preset_stands_for_its_options(make_runs, tmp_path):
     make_runs(methods=("sac",), seeds=1, options=smoke, suffix="-smoke")
     make_runs(methods=("sac",), seeds=1, options=smoke | {"robot": "fetch"}, suffix="-fetch")
     assert list(read_results([tmp_path / "runs"]).runs["variant"]) == [
-        "preset=laptop",
+        "preset=short",
         "preset=smoke, robot=fetch",
         "preset=smoke, robot=gripper",
     ]

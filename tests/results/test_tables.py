@@ -174,7 +174,7 @@ def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
     brackets = "[ ] 95 % bootstrap interval over seeds"
     three = "3 seeds are too few to conclude: intervals of fewer than 10 are much too narrow"
     assert tables["stack2: learned goals"] == (
-        "gripper, laptop preset: 4 epochs, 4,000 steps a run",
+        "gripper, short preset: 4 epochs, 4,000 steps a run",
         "before training: 0.0 of 4 goals",
         brackets,
         three,
@@ -185,7 +185,7 @@ def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
         three,
         "P of 0 or 1 has no interval; with so few seeds, one in 10 comparisons of equals gives it",
     )
-    assert tables["stack3: learned goals"][0] == "gripper, laptop preset with updates=7: 4 epochs, 4,000 steps a run"
+    assert tables["stack3: learned goals"][0] == "gripper, short preset with updates=7: 4 epochs, 4,000 steps a run"
     assert tables["stack3: success"][2:] == (
         brackets,
         "1 seed of mihm: no interval, and nothing to conclude about the method",
