@@ -250,7 +250,9 @@ PRESETS = MappingProxyType(
 )
 """Configs by name; task, method, seed and robot are each run's own. `preset` gives the one of a task."""
 
-_BY_TASK = MappingProxyType({("laptop", "stack2"): {"epochs": 3, "evaluate_every": 1}})
+_BY_TASK = MappingProxyType(
+    {("laptop", "stack2"): {"epochs": 6, "updates": 60, "batch_size": 512, "evaluate_every": 1}}
+)
 """Fields of a preset that are others for a task."""
 
 PRESET_LINES = MappingProxyType(
