@@ -24,7 +24,7 @@ class PairLayout:
     An observation is `[body | block 0 | block 1 | …]`. Bits are found by name through `pairs`, never by position, so
     that networks and environment cannot disagree on their order.
 
-    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once.
+    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, or a detail is no column.
     """
 
     n_blocks: int
@@ -51,6 +51,9 @@ class PairLayout:
         bits = sorted(bit for _, _, *pair_bits in self.pairs for bit in pair_bits)
         if bits != list(range(self.goal_size)):
             raise ValueError(f"pairs use the goal bits {bits}; each of 0…{self.goal_size - 1} must appear once")
+        for details, size in ((self.body_details, self.body_size), (self.block_details, self.block_size)):
+            if not set(details) <= set(range(size)):
+                raise ValueError(f"details are the columns {details}; there are {size} columns")
 
     @property
     def observation_size(self) -> int:

@@ -153,7 +153,7 @@ def test_evaluation_is_pi_d_alone_and_draws_and_counts_nothing():
 def test_no_loss_reaches_the_weights_of_another():
     agent, caught = hybrid_of(tune_temperature=True, tau=0.5), {}
     agent.update(random_batch(SMALL, 8, np.random.default_rng(0)))  # so that pi_c and pi_d differ
-    agent._descend = caught.update
+    agent._descend = lambda losses, acts: caught.update(losses)
     agent.update(random_batch(SMALL, 8, np.random.default_rng(1)))
     policies, alphas = [*agent.actor.parameters()], [agent.log_alpha]
     groups = {"critics": [*agent.critics.parameters()], "q_int": [*agent.intrinsic_values.net.parameters()]}

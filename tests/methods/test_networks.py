@@ -183,6 +183,8 @@ def test_layouts_that_miss_or_repeat_a_name_are_refused():
         PairLayout(3, ((0, 1, 0, 1, 2),))
     with pytest.raises(ValueError, match="goal bits"):
         PairLayout(2, ((0, 1, 0, 1, 1),))
+    with pytest.raises(ValueError, match="there are 2 columns"):
+        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, body_details=())
     with pytest.raises(ValueError, match="'ordered'"):
         SACConfig(pairs="ordered")
 
