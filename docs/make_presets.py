@@ -35,22 +35,11 @@ def curve_table(runs: Iterable[Path]) -> str:
     return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], rows)
 
 
-def parts_table() -> str:
-    """A row a variant and seed, after the last epoch."""
-    runs = sorted((RUNS / "parts").iterdir())
-    rows = []
-    for run in runs:
-        _, _, *variant, seed = run.name.split("-")
-        rows.append(["-".join(variant), seed, *outcome(run, evaluated(run)[-1])])
-    return markdown(["variant", "seed", "updates", "minutes", "success by layer", "mean", "learned"], rows)
-
-
 if __name__ == "__main__":
     page = DOCS / "presets.md"
     tables = {
         "stack2": curve_table(sorted(RUNS.glob("stack2-*"))),
         "stack3": curve_table(sorted(RUNS.glob("stack3-*"))),
-        "parts": parts_table(),
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))

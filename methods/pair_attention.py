@@ -2,7 +2,8 @@
 
     h_p = relu(norm(W_1 [context, p]))                                   H units
     z_p = relu(norm(W_2 h_p))                                            2 H
-    out = W_4 relu(norm(W_3 sum over pairs p of softmax_p(v · h_p) z_p)) 2 H
+    s   = sum over pairs p of softmax_p(v · h_p) z_p                     2 H
+    out = W_4 relu(norm(W_3 [s, context]))                               2 H
 
 A sum over pairs, as in Deep Sets, weighs what does not matter now as much as what does: pairs that are already as
 wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019,
@@ -22,7 +23,7 @@ class PairAttention(nn.Module):
     Weights are uniform with Xavier's bound, drawn from `generator`; biases, and v, are zero: at first all pairs count
     alike. Each matrix has the rows of a layer's inputs and its bias:
 
-        first  [context | pair | bias] to H      second  [h | bias] to 2 H      third  [pooled | bias] to 2 H
+        first  [context | pair | bias] to H      second  [h | bias] to 2 H      third  [s | context | bias] to 2 H
     """
 
     def __init__(
@@ -37,13 +38,14 @@ class PairAttention(nn.Module):
     ) -> None:
         super().__init__()
         self.layer_norm, self.context_size = layer_norm, context_size
-        sizes = ((context_size + pair_size, hidden), (hidden, 2 * hidden), (2 * hidden, 2 * hidden))
+        wide = 2 * hidden
+        sizes = ((context_size + pair_size, hidden), (hidden, wide), (wide + context_size, wide))
         device = generator.device
         self.first, self.second, self.third = (
             nn.Parameter(torch.zeros(members, inputs + 1, units, device=device)) for inputs, units in sizes
         )
         self.attention = nn.Parameter(torch.zeros(members, hidden, 1, device=device))
-        self.out_weights = nn.Parameter(torch.zeros(members, out_size, 2 * hidden, device=device))
+        self.out_weights = nn.Parameter(torch.zeros(members, out_size, wide, device=device))
         self.out_bias = nn.Parameter(torch.zeros(members, out_size, 1, device=device))
         with torch.no_grad():
             for weights in (self.first[:, :-1], self.second[:, :-1], self.third[:, :-1], self.out_weights.mT):
@@ -79,7 +81,8 @@ def pair_attention(contexts, pairs, layer_norm, first, second, third, attention,
     h = normed_relu(affine(torch.cat(every, dim=-1).flatten(0, 2), first))
     weights = (h @ attention).view(-1, n_contexts, n_pairs, batch, 1).softmax(2)
     z = normed_relu(affine(h, second)).unflatten(1, (n_contexts, n_pairs, batch))
-    rho = normed_relu(affine((weights * z).sum(2).flatten(1, 2), third))
+    again = contexts.flatten(0, 1).expand(len(first), -1, -1)
+    rho = normed_relu(affine(torch.cat([(weights * z).sum(2).flatten(1, 2), again], dim=-1), third))
     return (rho @ out_weights.mT + out_bias.mT).unflatten(1, (n_contexts, batch))
 
 
@@ -107,7 +110,8 @@ class PairAttentionFunction(torch.autograd.Function):
         pooled = z.new_empty(members, n_contexts * batch, z.shape[2])
         outputs = (array.numpy() for array in (weights, scales_2, pooled))
         fused.pool(z.numpy(), scores.numpy(), shape, layer_norm, *outputs)
-        y = torch.baddbmm(third[:, -1:], pooled, third[:, :-1])
+        of_pooled, of_again, bias = third.split([z.shape[2], size, 1], dim=1)
+        y = torch.baddbmm(bias, _every_member(contexts, members), of_again).baddbmm_(pooled, of_pooled)
         rho, scales_3 = torch.empty_like(y), y.new_empty(y.shape[:2])
         fused.norm_relu(y.numpy(), layer_norm, rho.numpy(), scales_3.numpy())
         ctx.shape, ctx.layer_norm, ctx.trained = shape, layer_norm, trained
@@ -129,7 +133,8 @@ class PairAttentionFunction(torch.autograd.Function):
         outer = torch.mul if out_weights.shape[1] == 1 else torch.bmm  # equal, and several times as fast
         at_y = outer(grad, out_weights.detach())
         fused.norm_relu_backward(at_y.numpy(), y.numpy(), scales_3.numpy(), norm)
-        at_pooled = torch.bmm(at_y, third[:, :-1].mT)
+        of_pooled, of_again, _ = third.split([z.shape[2], size, 1], dim=1)
+        at_pooled = torch.bmm(at_y, of_pooled.mT)
         at_z, at_scores = torch.empty_like(z), torch.empty_like(weights)
         inputs = (array.numpy() for array in (at_pooled, z, weights, scales_2))
         fused.pool_backward(*inputs, ctx.shape, norm, at_z.numpy(), at_scores.numpy())
@@ -143,7 +148,7 @@ class PairAttentionFunction(torch.autograd.Function):
         )  # rows of the contexts that train the weights come first
         if ctx.needs_input_grad[0]:
             to_contexts = torch.zeros_like(contexts)
-            to_others = torch.bmm(at_context[:, few:], first[:, :size].mT).sum(0)
+            to_others = torch.bmm(at_context[:, few:], first[:, :size].mT).baddbmm_(at_y[:, few:], of_again.mT).sum(0)
             to_contexts[ctx.trained :] = to_others.view_as(to_contexts[ctx.trained :])
         if not few:
             return to_contexts, *[None] * 9
@@ -152,7 +157,7 @@ class PairAttentionFunction(torch.autograd.Function):
         both = [_every_member(inputs, members) for inputs in (contexts[: ctx.trained], pairs)]
         to_first = _gradient(first, both, [at_context[:, :few], over_contexts])
         to_second = _gradient(second, [h[:, :rows]], [at_z[:, :rows]])
-        to_third = _gradient(third, [pooled[:, :few]], [at_y[:, :few]])
+        to_third = _gradient(third, [pooled[:, :few], both[0]], [at_y[:, :few]] * 2)
         if norm:  # the gradient of centring
             for gradient in (to_first, to_second, to_third):
                 fused.centre(gradient.numpy(), gradient.numpy())

@@ -24,7 +24,8 @@ class PairLayout:
     An observation is `[body | block 0 | block 1 | …]`. Bits are found by name through `pairs`, never by position, so
     that networks and environment cannot disagree on their order.
 
-    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, or a detail is no column.
+    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, or where a detail is no
+    column.
     """
 
     n_blocks: int
@@ -107,6 +108,7 @@ class PairEncoder:
         if self.mode == "symmetric":
             pairs = torch.cat([pairs, pairs[:, [1, 0, 2, 4, 3]]])
         self._pairs, self._first, self._second, self._bits = pairs, pairs[:, 0], pairs[:, 1], pairs[:, 2:]
+        self._turned_bits = pairs[:, [2, 4, 3]]  # made once: a list as index makes a GPU wait
         self._shift = torch.zeros(layout.observation_size + 2 * layout.goal_size, device=device)
         self._scale = torch.ones_like(self._shift)
         self._one_hot = torch.eye(layout.n_blocks, device=device)
@@ -218,7 +220,7 @@ class PairEncoder:
         bits = self._picked(every, self._bits)
         if turn is None:
             return bits
-        return torch.where(turn.unsqueeze(-1), self._picked(every, self._bits[:, [0, 2, 1]]), bits)
+        return torch.where(turn.unsqueeze(-1), self._picked(every, self._turned_bits), bits)
 
     def _picked(self, values: Tensor, columns: Tensor) -> Tensor:
         """Entries of values (S, B, k, bits) at columns (P, 3), as (S, P, B, 3 k)."""
