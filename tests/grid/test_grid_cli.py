@@ -76,7 +76,7 @@ def test_help_needs_no_torch():
 
 
 def test_a_grid_of_one_real_cell(grid, tmp_path):
-    options = "epochs=1,cycles=1,worlds=2,updates=1,batch-size=8,episodes-per-goal=1"
+    options = "epochs=1,cycles=1,worlds=2,updates=2,batch-size=8,episodes-per-goal=1"
     flags = ["--tasks", "stack2", "--methods", "sac", "--seeds", "1", "--preset", "smoke", "--options", options]
     code, out, err = grid(*flags, "--out", tmp_path)
     assert (code, err) == (0, ""), out
