@@ -81,10 +81,10 @@ class DeepSetsFunction(torch.autograd.Function):
         shared = torch.baddbmm(b_1, contexts.flatten(0, 1).expand(members, -1, -1), w_context)
         hidden = torch.bmm(pairs.flatten(0, 1).expand(members, -1, -1), w_pair)
         hidden = hidden.view(members, 1, n_pairs, batch, -1) + shared.view(members, n_contexts, 1, batch, -1)
-        phi_1, *norm_1 = activate(hidden.flatten(1, 3), layer_norm)
+        phi_1, *norm_1 = _activate(hidden.flatten(1, 3), layer_norm)
         phi_2 = torch.baddbmm(b_2, phi_1, w_2).relu_()
-        summed = sum_over_pairs(phi_2.view_as(hidden))
-        rho, *norm_3 = activate(torch.baddbmm(b_3, summed, w_3), layer_norm)
+        summed = _sum_over_pairs(phi_2.view_as(hidden))
+        rho, *norm_3 = _activate(torch.baddbmm(b_3, summed, w_3), layer_norm)
         ctx.rows, ctx.trained, ctx.by_pair = rows, trained, hidden.shape
         ctx.save_for_backward(
             contexts, pairs, w_context, w_2, w_3, out_weights, phi_1, phi_2, summed, rho, *norm_1, *norm_3
@@ -98,11 +98,11 @@ class DeepSetsFunction(torch.autograd.Function):
         members, n_contexts, _, batch, _ = ctx.by_pair
         grad = grad.flatten(1, 2)
         outer = torch.mul if w_out.shape[1] == 1 else torch.bmm  # equal, and several times as fast
-        at_rho = activate_backward(outer(grad, w_out), rho, norms[2:])
+        at_rho = _activate_backward(outer(grad, w_out), rho, norms[2:])
         at_sum = torch.bmm(at_rho, w_3.mT).view(members, n_contexts, 1, batch, -1).expand(ctx.by_pair)
-        at_phi_2 = activate_backward(at_sum, phi_2.view(ctx.by_pair), ()).view_as(phi_2)
-        at_phi_1 = activate_backward(torch.bmm(at_phi_2, w_2.mT), phi_1, norms[:2])
-        at_shared = sum_over_pairs(at_phi_1.view(ctx.by_pair))
+        at_phi_2 = _activate_backward(at_sum, phi_2.view(ctx.by_pair), ()).view_as(phi_2)
+        at_phi_1 = _activate_backward(torch.bmm(at_phi_2, w_2.mT), phi_1, norms[:2])
+        at_shared = _sum_over_pairs(at_phi_1.view(ctx.by_pair))
         to_contexts, few = None, ctx.trained * batch  # rows of the contexts that train the weights come first
         if ctx.needs_input_grad[0]:
             to_contexts = torch.zeros_like(contexts)
@@ -137,12 +137,12 @@ def _weight_gradients(
     return gradient
 
 
-def sum_over_pairs(values: Tensor) -> Tensor:
+def _sum_over_pairs(values: Tensor) -> Tensor:
     """(M, K, P, B, H) to (M, K · B, H). Plain additions: on a CPU three times as fast as `sum` over a middle axis."""
     return reduce(torch.add, values.unbind(2)).flatten(1, 2)
 
 
-def activate(centred: Tensor, layer_norm: bool) -> tuple[Tensor, ...]:
+def _activate(centred: Tensor, layer_norm: bool) -> tuple[Tensor, ...]:
     """Layer norm (if asked; the input is centred already) and rectifier of (M, R, H).
 
     Returns the output and, with the norm, what its gradient needs: the input and 1 / its standard deviation (M, R, 1).
@@ -155,8 +155,8 @@ def activate(centred: Tensor, layer_norm: bool) -> tuple[Tensor, ...]:
     return torch.mul(centred, inverse_std).relu_(), centred, inverse_std
 
 
-def activate_backward(grad: Tensor, activated: Tensor, norm: Sequence[Tensor]) -> Tensor:
-    """Gradient at the input of `activate`, from that at its output, its output, and what it kept of the norm."""
+def _activate_backward(grad: Tensor, activated: Tensor, norm: Sequence[Tensor]) -> Tensor:
+    """Gradient at the input of `_activate`, from that at its output, its output, and what it kept of the norm."""
     grad = torch.ops.aten.threshold_backward.grad_input(grad, activated, 0, grad_input=torch.empty_like(activated))
     if not norm:
         return grad
