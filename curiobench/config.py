@@ -7,6 +7,7 @@ decides the numbers of a run, `machine` apart, which changes none.
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
@@ -270,6 +271,18 @@ def preset(name: str, task: str) -> RunConfig:
     """The config of a preset for a task. Raises ValueError where one of them is unknown."""
     check_name("preset", name, PRESET_NAMES)
     return replace(PRESETS[name], task=task, **_BY_TASK.get((name, task), {}))
+
+
+def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain options of a run, with the fields that it lacks because it is older than they are."""
+    defaults, filled = RunConfig().to_json(), dict(options)
+    for name in _ADDED_LATER:
+        group, _, field_name = name.rpartition(".")
+        if not group:
+            filled.setdefault(name, defaults[name])
+        elif isinstance(filled.get(group), dict):
+            filled[group] = {field_name: defaults[group][field_name]} | filled[group]
+    return filled
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.config import CONFIG_VERSION, LARGEST_SEED
+from curiobench.config import CONFIG_VERSION, LARGEST_SEED, with_later_fields
 from curiobench.files import read_json
 from curiobench.methods.specs import HYBRID, canonical, shown
 from curiobench.results.evaluations import Evaluations, check_header, naming, parse_csv, read_bytes, read_evaluations
@@ -77,7 +77,11 @@ class Run:
 
 
 def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that decide the numbers of a run: all but the machine's, and those that its method does not use."""
+    """The options that decide the numbers of a run: all but the machine's, and those that its method does not use.
+
+    Those that are younger than the run are what they then were.
+    """
+    config = with_later_fields(config)
     unused = {"machine"} | (set() if config["method"].endswith(HYBRID) else {"hybrid"})
     return {name: value for name, value in config.items() if name not in unused and value is not None}
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import re
 import sys
 
@@ -106,6 +107,15 @@ def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
     assert "runs that are not finished: 1; their last evaluation stands for their end" in cautions(
         read_results([tmp_path / "runs"], partial=True)
     )
+
+
+def test_options_that_are_younger_than_a_run_are_what_they_then_were(make_runs, tmp_path):
+    make_runs(methods=("sac",), seeds=2)
+    record = tmp_path / "runs" / "stack2-sac-0" / "config.json"
+    values = json.loads(record.read_text())
+    del values["config"]["starts"], values["config"]["sac"]["network"]
+    record.write_text(json.dumps(values))
+    assert cautions(read_results([tmp_path / "runs"])) == []
 
 
 def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_path):
