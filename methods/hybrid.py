@@ -154,8 +154,9 @@ class HybridAgent(SAC):
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
         sample, explorer = None, (None, None)
         if acts or self._shows_policy:
-            distributions = self.actor(inputs)
-            sample = squashed_gaussian(*distributions, noise[1])
+            with torch.set_grad_enabled(acts):
+                distributions = self.actor(inputs)
+                sample = squashed_gaussian(*distributions, noise[1])
             explorer = [(first[EXPLORE], second[EXPLORE]) for first, second in (distributions, sample)]
         transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, *explorer)
         raw, normalised, learned = self._curiosity(self.intrinsic, transitions)
@@ -191,32 +192,35 @@ class HybridAgent(SAC):
 
         No loss reaches another's weights: critics pass gradients of the policies' actions on to those actions only.
         """
-        if sample is None:
-            taken = batch.action.unsqueeze(0)
-            loss, metrics = critic_loss(self.critics(inputs, taken).squeeze(1), targets[0])
-            loss_int, more = self.intrinsic_values.loss(
-                self.intrinsic_values(inputs.state, taken).squeeze(1), targets[1]
-            )
-            return {"critics": loss, "q_int": loss_int}, metrics | more
-        actions, log_probs = sample
-        stored, *own = self.critics(inputs, torch.cat([batch.action.unsqueeze(0), actions]), trained=1).unbind(1)
-        curious = torch.stack([batch.action, actions[EXPLORE]])
-        stored_int, own_int = self.intrinsic_values(inputs.state, curious, trained=1).unbind(1)
-        own[EXPLORE] = own[EXPLORE] + self.config.tau * own_int[self._explores_by]
-        terms = {EXPLORE: self._policy_term(transitions, batch.desired_goal[0], actions[EXPLORE])}
+        actions = batch.action.unsqueeze(0)
+        every = actions if sample is None else torch.cat([actions, sample[0]])
+        curious = actions if sample is None else torch.cat([actions, sample[0][EXPLORE:]])
+        stored, *own = self.critics(inputs, every, trained=1).unbind(1)
+        stored_int, *own_int = self.intrinsic_values(inputs.state, curious, trained=1).unbind(1)
         found = {
             "critics": critic_loss(stored, targets[0]),
             "q_int": self.intrinsic_values.loss(stored_int, targets[1]),
         }
+        if sample is not None:
+            own[EXPLORE] = own[EXPLORE] + self.config.tau * own_int[0][self._explores_by]
+            term = self._policy_term(transitions, batch.desired_goal[0], sample[0][EXPLORE])
+            found |= self._policy_losses(own, sample[1], (None, term))
+        metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
+        return {name: loss for name, (loss, _) in found.items()}, metrics
+
+    def _policy_losses(
+        self, values: list[Tensor], log_probs: Tensor, terms: tuple[Tensor | None, Tensor | None]
+    ) -> dict[str, tuple[Tensor, Metrics]]:
+        """Losses of both policies, with metrics: from values (2, B) of each one's actions, and log-densities (2, B)."""
+        found = {}
         for policy, name in ((EXPLOIT, ""), (EXPLORE, "explorer_")):
             alpha = self.log_alpha[policy]
-            loss = policy_loss(own[policy], log_probs[policy], alpha.detach().exp(), terms.get(policy))
+            loss = policy_loss(values[policy], log_probs[policy], alpha.detach().exp(), terms[policy])
             found[f"{name}policy"] = _named(name, loss)
             if self.config.tune_temperature:
                 loss = temperature_loss(alpha, log_probs[policy], -float(self.layout.action_size))
                 found[f"{name}temperature"] = _named(name, loss)
-        metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
-        return {name: loss for name, (loss, _) in found.items()}, metrics
+        return found
 
     def _latest_share(self) -> Metrics:
         """pi_d's share of the steps since the last update that followed any; nothing before the first step."""

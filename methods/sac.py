@@ -148,8 +148,9 @@ class SAC:
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
         distribution = sample = transitions = None
         if acts or self._shows_policy:
-            distribution = self.actor(inputs)
-            sample = squashed_gaussian(*distribution, noise[1])
+            with torch.set_grad_enabled(acts):
+                distribution = self.actor(inputs)
+                sample = squashed_gaussian(*distribution, noise[1])
         if self.intrinsic is not None:
             transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
             _, normalised, learned = self._curiosity(self.intrinsic, transitions)
@@ -220,18 +221,15 @@ class SAC:
         Targets (B,); the policy's own actions (B, A) and their log-densities (B,), which carry its gradients, or None
         where only the critics learn.
         """
-        if sample is None:
-            loss, metrics = critic_loss(self.critics(inputs, batch.action.unsqueeze(0)).squeeze(1), target)
-            return {"critics": loss}, metrics
-        action, log_prob = sample
-        stored, own = self.critics(inputs, torch.stack([batch.action, action]), trained=1).unbind(1)
-        term = self._policy_term(transitions, batch.desired_goal[0], action)
-        found = {
-            "critics": critic_loss(stored, target),
-            "policy": policy_loss(own, log_prob, self.log_alpha.detach().exp(), term),
-        }
-        if self.config.tune_temperature:
-            found["temperature"] = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
+        actions = [batch.action] if sample is None else [batch.action, sample[0]]
+        stored, *own = self.critics(inputs, torch.stack(actions), trained=1).unbind(1)
+        found = {"critics": critic_loss(stored, target)}
+        if sample is not None:
+            action, log_prob = sample
+            term = self._policy_term(transitions, batch.desired_goal[0], action)
+            found["policy"] = policy_loss(own[0], log_prob, self.log_alpha.detach().exp(), term)
+            if self.config.tune_temperature:
+                found["temperature"] = temperature_loss(self.log_alpha, log_prob, -float(self.layout.action_size))
         metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
         return {name: loss for name, (loss, _) in found.items()}, metrics
 
