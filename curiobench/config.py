@@ -37,6 +37,7 @@ _ADDED_LATER = frozenset(
     (
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
+        "sac.decay_updates",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -195,10 +196,10 @@ PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 _LAPTOP = RunConfig(
     preset="laptop",
     epochs=24,
-    cycles=40,
+    cycles=20,
     worlds=64,
     rollouts=1,
-    updates=120,
+    updates=240,
     batch_size=256,
     biased_from_epoch=0,
     curriculum="near",
@@ -206,6 +207,7 @@ _LAPTOP = RunConfig(
     replay=ReplayConfig(relabelling="arrivals", satisfied_cap=0.2),
     sac=SACConfig(
         gamma=0.95,
+        decay_updates=24 * 20 * 240,
         temperature=0.02,
         actor_every=2,
         network="pair_attention",
@@ -252,7 +254,16 @@ PRESETS = MappingProxyType(
 """Configs by name; task, method, seed and robot are each run's own. `preset` gives the one of a task."""
 
 _BY_TASK = MappingProxyType(
-    {("laptop", "stack2"): {"epochs": 6, "updates": 60, "batch_size": 512, "evaluate_every": 1}}
+    {
+        ("laptop", "stack2"): {
+            "epochs": 6,
+            "cycles": 40,
+            "updates": 60,
+            "batch_size": 512,
+            "evaluate_every": 1,
+            "sac": replace(_LAPTOP.sac, decay_updates=6 * 40 * 60),
+        }
+    }
 )
 """Fields of a preset that are others for a task."""
 

@@ -13,9 +13,6 @@ from curiobench.config import RunConfig, preset
 from curiobench.methods.specs import canonical
 from curiobench.run_folder import read_config
 
-_NAMED = (("--preset", "laptop"), ("--task", "stack3"))
-"""Flags that decide the other options' defaults, and their own."""
-
 
 @dataclass(frozen=True)
 class TrainArguments:
@@ -49,8 +46,7 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     if "--resume" in arguments and out and (Path(out) / "config.json").exists():
         defaults = read_config(Path(out), {_last_value(arguments, "--method")})
     else:
-        named = (_last_value(arguments, flag) or default for flag, default in _NAMED)
-        defaults = preset(*named)
+        defaults = preset(_last_value(arguments, "--preset") or "laptop", _last_value(arguments, "--task") or "stack3")
     method = canonical(_last_value(arguments, "--method") or defaults.method)
     if method != defaults.method:
         defaults = replace(defaults, method=method, method_config=None)

@@ -38,6 +38,9 @@ from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 from curiobench.methods.settings import SACConfig
 
+LEAST_RATE = 0.1
+"""Share of the learning rate that is left when it has fallen."""
+
 
 class SAC:
     """The agent. All randomness comes from `generator`: initial weights, exploration, and noise in the losses."""
@@ -76,7 +79,21 @@ class SAC:
         """Set up Adam for these weights and, if it is tuned, the temperature."""
         self._trained = [*weights, *([self.log_alpha] if self.config.tune_temperature else [])]
         on_cuda = self.device.type == "cuda"
-        self.optimiser = torch.optim.Adam(self._trained, lr=self.config.learning_rate, fused=True, capturable=on_cuda)
+        rate = self.config.learning_rate
+        rate = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
+        self.optimiser = torch.optim.Adam(self._trained, lr=rate, fused=True, capturable=on_cuda)
+
+    def _set_learning_rate(self) -> None:
+        """Let it fall, if it is to, from its full value to `LEAST_RATE` of that."""
+        if self.config.decay_updates is None:
+            return
+        passed = min(1.0, self.updates / self.config.decay_updates)
+        rate = self.config.learning_rate * (1.0 - passed * (1.0 - LEAST_RATE))
+        (group,) = self.optimiser.param_groups
+        if self.device.type == "cuda":
+            group["lr"].fill_(rate)
+        else:
+            group["lr"] = rate
 
     @torch.no_grad()
     def act(
@@ -128,6 +145,7 @@ class SAC:
                 for acts in (True, False)
             }
         self._static.load(batch)
+        self._set_learning_rate()
         acts = self.updates % self.config.actor_every == 0
         metrics = self._captured[acts]() if self.intrinsic is None else self._learn(self._static, epoch, acts)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:

@@ -38,7 +38,9 @@ class SACConfig:
     gamma: float = 0.98
     """Discount factor a step, in [0, 1)."""
     learning_rate: float = 1e-3
-    """Adam's learning rate, for actor, critics and temperature."""
+    """Adam's learning rate, for actor, critics and temperature; the initial one if decay_updates is set."""
+    decay_updates: int | None = None
+    """Updates over which the learning rate falls linearly to a tenth, where it stays; None keeps it constant."""
     polyak: float = 0.05
     """Share of the critics' weights that moves into the target critics at each target update."""
     target_every: int = 2
@@ -79,6 +81,8 @@ class SACConfig:
             if not legal:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be {range_}")
         check_positive(self, "learning_rate", "target_every", "temperature", "hidden", "actor_every")
+        if self.decay_updates is not None:
+            check_positive(self, "decay_updates")
         for name, options in (("network", Network), ("pairs", PairMode), ("features", Features)):
             check_option(self, name, options)
 

@@ -26,7 +26,13 @@ TINY = RunConfig(
     episodes_per_goal=2,
     replay=ReplayConfig(capacity=18, satisfied_cap=0.2, relabelling="arrivals"),
     sac=SACConfig(
-        hidden=8, network="pair_attention", pairs="roles", features="near_field", detail_scale=0.1, actor_every=2
+        hidden=8,
+        network="pair_attention",
+        pairs="roles",
+        features="near_field",
+        detail_scale=0.1,
+        actor_every=2,
+        decay_updates=8,
     ),
 )
 """Its replay overflows in the third epoch; the agent is the laptop preset's, in small."""

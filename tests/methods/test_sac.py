@@ -193,6 +193,15 @@ def test_tuned_temperature_falls_while_entropy_is_above_target():
     assert fixed.update(random_batch(SMALL, 8, rng))["temperature"].item() == pytest.approx(0.5)
 
 
+def test_learning_rate_falls_to_a_tenth_and_stays():
+    agent, batch = agent_of(learning_rate=0.01, decay_updates=4), random_batch(SMALL, 8, np.random.default_rng(0))
+    rates = []
+    for _ in range(6):
+        agent.update(batch)
+        rates.append(agent.optimiser.param_groups[0]["lr"])
+    assert rates == pytest.approx([0.01, 0.00775, 0.0055, 0.00325, 0.001, 0.001])
+
+
 def test_target_critics_move_every_second_update():
     agent, rng = agent_of(polyak=0.25), np.random.default_rng(0)
     before = [p.clone() for p in agent.target_critics.parameters()]
