@@ -37,7 +37,7 @@ _ADDED_LATER = frozenset(
     (
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
-        "sac.decay_updates",
+        "sac.decay_updates", "replay.pursued_share",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -204,7 +204,7 @@ _LAPTOP = RunConfig(
     biased_from_epoch=0,
     curriculum="near",
     evaluate_every=4,
-    replay=ReplayConfig(relabelling="arrivals", satisfied_cap=0.2),
+    replay=ReplayConfig(relabelling="arrivals", pursued_share=0.25, satisfied_cap=0.2),
     sac=SACConfig(
         gamma=0.95,
         decay_updates=24 * 20 * 240,

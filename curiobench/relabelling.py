@@ -4,7 +4,8 @@ A relabelling is a function of a replay, a size and a generator. It returns slot
 and desired goals `(B, bits)`; the replay does the rest.
 
 future      HER (Andrychowicz et al. 2017, arXiv 1707.01495): a goal that the episode achieves later, or its own.
-arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`.
+arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`, and steps under
+            the goal that was pursued.
 """
 
 from collections.abc import Callable
@@ -37,37 +38,58 @@ def draw_future(replay: "EpisodeReplay", size: int, generator: np.random.Generat
 
 
 def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
-    """`arrival_share` of a batch from arrivals, the rest as `draw_future`.
+    """`arrival_share` of a batch from arrivals, `pursued_share` as it was pursued, the rest as `draw_future`.
 
     An arrival is a step at which the achieved goal changes to a valid goal g. Drawn uniformly are: a pair of g and a
     kind of arrival, since else cheap kinds fill the batch; an arrival of that pair; an earlier step of its episode at
     which g did not hold. The transition from that step on is relabelled with g.
 
     Of the transitions that `draw_future` gives, few have a goal that is neither satisfied already nor never reached in
-    their episode; here all have.
+    their episode; here all have. But goals drawn with hindsight alone show the agent hardly any failure, and it thinks
+    too well of actions that, say, push a block off the table. So there are steps of any episode, too, under the goal
+    that it pursued. `satisfied_cap` holds for the batch as a whole.
     """
     config = replay.config
     occurring = np.flatnonzero(replay.arrivals.counts)
-    n = round(config.arrival_share * size) if len(occurring) else 0
-    quota = None if config.satisfied_cap is None else int(config.satisfied_cap * size)
-    rest = _draw_capped(replay, size - n, quota, generator)
-    if n == 0:
-        return rest
-    uniform = generator.random((3, n))
-    group = occurring[_scaled(uniform[0], len(occurring))]
-    slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
-    goal = group // KINDS
-    earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
-    rank = _scaled(uniform[2], earlier.sum(1))
-    step = np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1)
-    drawn = slot, step, replay.valid_goals[goal]
-    return tuple(np.concatenate(parts) for parts in zip(drawn, rest, strict=True))
+    if not len(occurring):
+        return draw_future(replay, size, generator)
+    n, n_pursued = round(config.arrival_share * size), round(config.pursued_share * size)
+    parts = [_draw_arrivals(replay, n, occurring, generator), _draw_pursued(replay, n_pursued, generator)]
+    quota = None
+    if config.satisfied_cap is not None:
+        quota = max(0, int(config.satisfied_cap * size) - int(_satisfied(replay, parts[1]).sum()))
+    parts.append(_draw_capped(replay, size - n - n_pursued, quota, generator))
+    return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
 RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Generator], Draw]] = MappingProxyType(
     {"future": draw_future, "arrivals": draw_arrivals}
 )
 """By the name that `ReplayConfig.relabelling` gives."""
+
+
+def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
+    """`size` steps that lead up to arrivals, among the groups (goal · KINDS + kind) that occur."""
+    uniform = generator.random((3, size))
+    group = occurring[_scaled(uniform[0], len(occurring))]
+    slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
+    goal = group // KINDS
+    earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
+    rank = _scaled(uniform[2], earlier.sum(1))
+    return slot, np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1), replay.valid_goals[goal]
+
+
+def _draw_pursued(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
+    """`size` uniform steps of uniform episodes, each under the goal that it pursued."""
+    uniform = generator.random((2, size))
+    slot = _scaled(uniform[0], len(replay))
+    return slot, _scaled(uniform[1], replay.steps), replay.arrays["desired_goal"][slot]
+
+
+def _satisfied(replay: "EpisodeReplay", drawn: Draw) -> np.ndarray:
+    """`(B,)` bool, whether the desired goal already holds before the step."""
+    slot, step, desired = drawn
+    return (replay.arrays["achieved_goal"][slot, step] == desired).all(1)
 
 
 def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generator: np.random.Generator) -> Draw:
@@ -79,14 +101,13 @@ def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generato
         return _draw(replay, size, generator)
     pool = _draw(replay, 2 * size, generator)
     for attempt in range(10):
-        slot, step, desired = pool
-        satisfied = (replay.arrays["achieved_goal"][slot, step] == desired).all(1)
+        satisfied = _satisfied(replay, pool)
         accepted = ~satisfied | (np.cumsum(satisfied) <= quota)
         if accepted.sum() >= size or attempt == 9:
             break
         pool = tuple(np.concatenate(p) for p in zip(pool, _draw(replay, 2 * size, generator), strict=True))
     chosen = np.concatenate([np.flatnonzero(accepted), np.flatnonzero(~accepted)])[:size]
-    return slot[chosen], step[chosen], desired[chosen]
+    return tuple(part[chosen] for part in pool)
 
 
 def _draw(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:

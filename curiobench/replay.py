@@ -39,6 +39,8 @@ class ReplayConfig:
     moment at which a goal was reached (arrivals)."""
     arrival_share: float = 0.5
     """Share of a batch that is drawn from arrivals, with that relabelling."""
+    pursued_share: float = 0.0
+    """Share of a batch, with that relabelling, that is drawn from any episode under the goal that it pursued."""
     satisfied_cap: float | None = None
     """Largest share of a batch whose desired goal already holds before the step; None for no limit. Balanced drawing
     and relabelling together give about 83 % of them, from which little is learned but to keep still."""
@@ -47,10 +49,13 @@ class ReplayConfig:
         if self.capacity < 1:
             raise ValueError(f"capacity is {self.capacity}; it must be at least 1 episode")
         check_option(self, "relabelling", Relabelling)
-        for name in ("relabel_share", "arrival_share", "satisfied_cap"):
+        for name in ("relabel_share", "arrival_share", "pursued_share", "satisfied_cap"):
             share = getattr(self, name)
             if share is not None and not 0 <= share <= 1:
                 raise ValueError(f"{name} is {share}; a share lies in [0, 1]")
+        if self.arrival_share + self.pursued_share > 1:
+            both = f"{self.arrival_share} and {self.pursued_share}"
+            raise ValueError(f"arrival_share and pursued_share are {both}; together they are at most 1")
 
 
 @dataclass(frozen=True)

@@ -211,6 +211,16 @@ def test_arrivals_are_drawn_as_defined(episodes):
     assert chisquare(observed, [n * share for share in expected.values()]).pvalue > 1e-3
 
 
+def test_pursued_goals_are_drawn_with_any_step_of_any_episode():
+    replay = replay_of(capacity=8, relabelling="arrivals", arrival_share=0.0, pursued_share=1.0)
+    replay.add(random_episodes(np.random.default_rng(0), 8))
+    slot, step, desired = draw_arrivals(replay, 20_000, np.random.default_rng(1))
+    assert (desired == replay.arrays["desired_goal"][slot]).all()
+    counts = np.zeros((8, STEPS), int)
+    np.add.at(counts, (slot, step), 1)
+    assert chisquare(counts.ravel()).pvalue > 1e-3
+
+
 def test_half_a_batch_comes_from_arrivals_and_the_cap_is_the_batch_s():
     config = {"relabelling": "arrivals", "satisfied_cap": 0.2, "relabel_share": 0.0}
     replay = replay_of(**config)
@@ -225,6 +235,10 @@ def test_half_a_batch_comes_from_arrivals_and_the_cap_is_the_batch_s():
     mixed.add(random_episodes(np.random.default_rng(0), 8))
     batch = mixed.sample(1000, np.random.default_rng(0))
     assert 0.1 < (batch["achieved_goal"] == batch["desired_goal"]).all(1).mean() <= 0.2
+    pursued = replay_of(**config | {"pursued_share": 0.4})
+    pursued.add(random_episodes(np.random.default_rng(0), 8))
+    batch = pursued.sample(1000, np.random.default_rng(0))
+    assert 0.05 < (batch["achieved_goal"] == batch["desired_goal"]).all(1).mean() <= 0.2
 
 
 def test_same_generator_same_samples():

@@ -24,7 +24,7 @@ TINY = RunConfig(
     curriculum="near",
     evaluate_every=2,
     episodes_per_goal=2,
-    replay=ReplayConfig(capacity=18, satisfied_cap=0.2, relabelling="arrivals"),
+    replay=ReplayConfig(capacity=18, satisfied_cap=0.2, relabelling="arrivals", pursued_share=0.25),
     sac=SACConfig(
         hidden=8,
         network="pair_attention",
