@@ -117,7 +117,7 @@ class EpisodeReplay:
         }
         self.arrays = {name: _allocate(name, shape, dtype, folder) for name, (shape, dtype) in shapes.items()}
         self.goal_ids = np.full((capacity, steps + 1), -1, np.int32)
-        self.ends, self.arrivals = Queues(len(valid_goals)), Queues(KINDS * len(valid_goals))
+        self._clear_index()
         self.added = 0
         self._saved = 0
 
@@ -147,6 +147,10 @@ class EpisodeReplay:
             array[slots] = getattr(episodes, name)
         self._index(slots)
         self.added += n
+
+    def _clear_index(self) -> None:
+        n_goals = len(self.valid_goals)
+        self.ends, self.arrivals = Queues(n_goals), Queues(KINDS * n_goals)
 
     def _index(self, slots: np.ndarray) -> None:
         """Enter the episodes in slots (K,), oldest first."""
@@ -223,6 +227,7 @@ class EpisodeReplay:
             for array_name, saved in files.segment(first, end).items():
                 self.arrays[array_name][kept % self.config.capacity] = saved[kept - first]
         self.added = self._saved = manifest["added"]
+        self._clear_index()
         self._index(np.arange(oldest, self.added) % self.config.capacity)
 
     def _shapes(self) -> dict[str, list[int]]:

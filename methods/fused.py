@@ -11,13 +11,8 @@ A norm divides rows that are centred already by their standard deviation; where 
 import numpy as np
 from numba import njit
 
-from curiobench.methods.near_field import EXP_SCALES, GOAL_ON, LINEAR_SCALE, STATE_ON, TANH_SCALES
-
 EPSILON = 1e-5
 """Added to variances in norms."""
-
-N_NEAR = 3 * len(TANH_SCALES) + len(EXP_SCALES)
-"""Features of a block beside the hand."""
 
 # reordered sums, but NaN and infinity as they are: a loss that is not finite must be found
 _compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
@@ -197,13 +192,13 @@ def _length(vector):
 
 
 @_compiled
-def _near(offset, distance, out, at):
+def _near(offset, distance, tanh_scales, exp_scales, out, at):
     """Write tanhs of an offset (3) and exponentials of a distance to `out` from place `at` on; the next place."""
-    for scale in TANH_SCALES:
+    for scale in tanh_scales:
         for k in range(3):
             out[at + k] = np.tanh(offset[k] * offset.dtype.type(1 / scale))
         at += 3
-    for scale in EXP_SCALES:
+    for scale in exp_scales:
         out[at] = np.exp(distance * offset.dtype.type(-1 / scale))
         at += 1
     return at
@@ -221,7 +216,9 @@ def _count_wrong(achieved, desired, out):
 
 
 @_compiled
-def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_field, state, context, features):
+def encode(
+    rows, shift, scale, clip, detail_scale, sizes, pairs, mode, weights, near_field, scales, state, context, features
+):
     """`PairEncoder.encode_rows` without identities, in one pass over a batch.
 
     Args:
@@ -231,13 +228,17 @@ def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_fiel
         sizes: of the body, of a block, and the number of bits.
         pairs: (P, 5) as in `PairLayout.pairs`.
         mode: 0 where no pair is turned, 1 where the goal turns it, 2 where roles do.
+        weights: of the goal's and of the state's "on" in what turns a pair by role.
         near_field: whether its features are wanted.
+        scales: of their tanhs, of their exponentials, and of the offset that is fed as it is.
         state, context, features: (S, B, D), (S, B, C) and (S, P, B, F), written.
     """
     body_size, block_size, n_bits = sizes
+    tanh_scales, exp_scales, linear_scale = scales
+    n_near = 3 * len(tanh_scales) + len(exp_scales)  # features of a block beside the hand
     n_state = state.shape[2]
     n_blocks = (n_state - body_size) // block_size
-    of_blocks, distances = np.empty((n_blocks, N_NEAR), rows.dtype), np.empty(n_blocks, rows.dtype)
+    of_blocks, distances = np.empty((n_blocks, n_near), rows.dtype), np.empty(n_blocks, rows.dtype)
     normal = np.empty(rows.shape[2], rows.dtype)
     offset = np.empty(3, rows.dtype)
     bits = np.empty(3, np.int64)
@@ -258,7 +259,7 @@ def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_fiel
                 beside_hand = row[body_size + block_size * k + 3 : body_size + block_size * k + 6]
                 distances[k] = _length(beside_hand)
                 if near_field:
-                    _near(beside_hand, distances[k], of_blocks[k], 0)
+                    _near(beside_hand, distances[k], tanh_scales, exp_scales, of_blocks[k], 0)
             for p in range(pairs.shape[0]):
                 first, second = pairs[p, 0], pairs[p, 1]
                 start_1, start_2 = body_size + block_size * first, body_size + block_size * second
@@ -267,8 +268,8 @@ def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_fiel
                 if mode == 1:
                     score = 0.5 - desired[bits[2]]
                 elif mode == 2:
-                    score = GOAL_ON * (desired[bits[1]] - desired[bits[2]])
-                    score += STATE_ON * (achieved[bits[1]] - achieved[bits[2]])
+                    score = weights[0] * (desired[bits[1]] - desired[bits[2]])
+                    score += weights[1] * (achieved[bits[1]] - achieved[bits[2]])
                     score += np.sign(distances[second] - distances[first])
                 if score < 0:
                     start_1, start_2 = start_2, start_1
@@ -279,8 +280,8 @@ def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_fiel
                     out[at : at + block_size] = normal[start : start + block_size]
                     at += block_size
                     if near_field:
-                        out[at : at + N_NEAR] = of_blocks[(start - body_size) // block_size]
-                        at += N_NEAR
+                        out[at : at + n_near] = of_blocks[(start - body_size) // block_size]
+                        at += n_near
                 for kind in range(2):
                     for k in range(3):
                         out[at] = normal[n_state + kind * n_bits + bits[k]]
@@ -292,5 +293,5 @@ def encode(rows, shift, scale, clip, detail_scale, sizes, pairs, mode, near_fiel
                     at += 6
                     for k in range(3):
                         offset[k] = row[start_1 + k] - row[start_2 + k]
-                        out[at + k] = offset[k] / rows.dtype.type(LINEAR_SCALE)
-                    at = _near(offset, _length(offset[:2]), out, at + 3)
+                        out[at + k] = offset[k] / rows.dtype.type(linear_scale)
+                    at = _near(offset, _length(offset[:2]), tanh_scales, exp_scales, out, at + 3)

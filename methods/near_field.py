@@ -14,8 +14,9 @@ EXP_SCALES = (0.03, 0.1)
 """Metres over which the exponential of a distance decays."""
 LINEAR_SCALE = 0.1
 """Unit of the displacement of two blocks that is fed as it is (metres)."""
-GOAL_ON, STATE_ON = 4.0, 2.0
-"""Weights of what turns a pair: the goal's "on" outweighs the state's, which outweighs the distance from the hand."""
+ROLE_WEIGHTS = (4.0, 2.0)
+"""Of what turns a pair: the goal's "on" outweighs the state's, which outweighs the distance from the hand."""
+SCALES = (TANH_SCALES, EXP_SCALES, LINEAR_SCALE)
 
 
 def block_features(offset: Tensor) -> Tensor:
@@ -47,7 +48,7 @@ def turned_by_role(desired_on: Tensor, achieved_on: Tensor, nearer: Tensor) -> T
         achieved_on: (..., 2) the state's.
         nearer: (...) metres by which i is nearer to the hand than j.
     """
-    weighed = GOAL_ON * desired_on + STATE_ON * achieved_on
+    weighed = ROLE_WEIGHTS[0] * desired_on + ROLE_WEIGHTS[1] * achieved_on
     return weighed[..., 0] - weighed[..., 1] + nearer.sign() < 0
 
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from curiobench.methods import fused
+from curiobench.methods import fused, near_field
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.near_field import block_features, goal_differences, pair_features, turned_by_role
 from curiobench.methods.settings import SACConfig
 
 
@@ -157,8 +156,10 @@ class PairEncoder:
         pairs = rows.new_empty(len(rows), len(self._pairs), rows.shape[1], self.pair_size)
         inputs = (tensor.numpy() for tensor in (rows, self._shift, self._scale))
         sizes, written = (layout.body_size, layout.block_size, layout.goal_size), (state, context, pairs)
-        ordered = (self._detail_scale.numpy(), sizes, self._pairs.numpy(), mode, self.near_field)
-        fused.encode(*inputs, self.body.clip, *ordered, *(tensor.numpy() for tensor in written))
+        ordered = (self._detail_scale.numpy(), sizes, self._pairs.numpy(), mode, near_field.ROLE_WEIGHTS)
+        # constants as arguments: Numba's cache would not notice that they changed
+        features = (self.near_field, near_field.SCALES)
+        fused.encode(*inputs, self.body.clip, *ordered, *features, *(tensor.numpy() for tensor in written))
         return written
 
     def encode_plainly(self, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -174,9 +175,9 @@ class PairEncoder:
 
         context, of_blocks, of_bits, of_pairs = [body], [blocks], normal_bits, []
         if self.near_field:
-            missing, unwanted = goal_differences(achieved, desired)
+            missing, unwanted = near_field.goal_differences(achieved, desired)
             context += [bits.sum(-1, keepdim=True) for bits in (missing + unwanted, missing, unwanted)]
-            of_blocks.append(block_features(raw_blocks[..., 3:6]))
+            of_blocks.append(near_field.block_features(raw_blocks[..., 3:6]))
             of_bits = [*normal_bits, missing, unwanted]
             of_pairs.append(self._offset_features(raw_blocks[..., :3], turn))
         if self.identities:
@@ -203,7 +204,7 @@ class PairEncoder:
             return wanted[..., 1] > 0.5
         distance = torch.linalg.vector_norm(offsets, dim=-1).mT  # (S, n, B)
         nearer = distance[:, self._second] - distance[:, self._first]
-        return turned_by_role(wanted, achieved[..., self._on_pairs].movedim(2, 1), nearer)
+        return near_field.turned_by_role(wanted, achieved[..., self._on_pairs].movedim(2, 1), nearer)
 
     def _of_both_blocks(self, blocks: Tensor, turn: Tensor | None) -> tuple[Tensor, Tensor]:
         """Rows (S, P, B, F) of each pair's first and of its second block, from blocks (S, B, n, F)."""
@@ -233,7 +234,7 @@ class PairEncoder:
         """`pair_features` (S, P, B, 11) of positions (S, B, n, 3)."""
         positions = positions.movedim(2, 1)
         offset = positions[:, self._first] - positions[:, self._second]
-        return pair_features(offset if turn is None else torch.where(turn.unsqueeze(-1), -offset, offset))
+        return near_field.pair_features(offset if turn is None else torch.where(turn.unsqueeze(-1), -offset, offset))
 
     def state_dict(self) -> dict[str, dict[str, Tensor]]:
         """The running statistics, tensors only."""
