@@ -44,8 +44,8 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
     kind of arrival, since else cheap kinds fill the batch; an arrival of that pair; an earlier step of its episode at
     which g did not hold. The transition from that step on is relabelled with g.
 
-    Of the transitions that `draw_future` gives, few have a goal that is neither satisfied already nor never reached in
-    their episode; here all have. But goals drawn with hindsight alone show the agent hardly any failure, and it thinks
+    The goal of most transitions that `draw_future` gives either holds already or is never reached in the episode. Those
+    of arrivals are still to be reached, and are. But goals drawn with hindsight alone show the agent hardly any failure, and it thinks
     too well of actions that, say, push a block off the table. So there are steps of any episode, too, under the goal
     that it pursued. `satisfied_cap` holds for the batch as a whole.
     """

@@ -38,7 +38,7 @@ class Policy:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("task", choices=["stack2", "stack3", "stack4"])
+    parser.add_argument("task", choices=["stack2", "stack3", "stack4", "stack5"])
     parser.add_argument("--minutes", type=float, default=6.0, help="of training; tests are not counted")
     parser.add_argument("--tests", type=int, default=6, help="tests, evenly over that time")
     parser.add_argument("--seed", type=int, default=0)

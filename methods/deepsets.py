@@ -1,4 +1,4 @@
-"""Deep Sets over pairs, a batch of them at once: the one form that every network here has.
+"""Deep Sets over pairs, a batch of networks at once.
 
     out = rho( sum over pairs p of  phi(context, p) )
 

@@ -45,7 +45,7 @@ def _inverse_std(row, norm):
 
 @_compiled
 def _relu(value):
-    return value - value if value < 0 else value  # NaN stays
+    return value - value if value < 0 else value  # NaN stays, as in torch
 
 
 @_compiled

@@ -6,14 +6,14 @@ learn. They are observable and DECSTR feeds them too, so they are always fed.
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import torch
 from torch import Tensor
 
 from curiobench.methods import fused, near_field
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.settings import PairMode, SACConfig
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class PairEncoder:
 
     def _encode_fused(self, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """`encode_plainly` on a CPU; a test holds the two equal."""
-        layout, mode = self.layout, ("symmetric", "oriented", "roles").index(self.mode)
+        layout, mode = self.layout, get_args(PairMode).index(self.mode)
         state = rows.new_empty(*rows.shape[:2], layout.observation_size)
         context = rows.new_empty(*rows.shape[:2], self.context_size)
         pairs = rows.new_empty(len(rows), len(self._pairs), rows.shape[1], self.pair_size)

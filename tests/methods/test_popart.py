@@ -143,7 +143,7 @@ def test_the_default_rate_lags_behind_a_fast_drift_and_outputs_are_precise_all_t
 
 
 def test_the_default_rate_keeps_a_slow_drift_centred():
-    """Mean and spread grow by half in 20,000 updates, some eight epochs of the laptop preset."""
+    """Mean and spread grow by half in 20,000 updates, more than a whole run of the laptop preset on stack2."""
     popart, rng = PopArt([], HybridConfig().popart_rate), np.random.default_rng(0)
     for step in range(20_000):
         scale = 1.5 ** (step / 20_000)
