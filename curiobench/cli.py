@@ -117,10 +117,11 @@ def figure(arguments: Sequence[str]) -> None:
     check_named(parsed.runs)
     from curiobench.results.figures import draw_figures
     from curiobench.results.frames import read_results
+    from curiobench.results.samples import LOGGED
     from curiobench.results.style import preload
     from curiobench.workers import cores
 
-    results = read_results(parsed.runs, parsed.partial, False, ["share_exploitation"], cores(), preload)
+    results = read_results(parsed.runs, parsed.partial, False, LOGGED, cores(), preload)
     for file in draw_figures(results, parsed.out, parsed.like, parsed.format.split(","), cores()):
         print(file)
     tell_faults(results, "figures")

@@ -37,7 +37,7 @@ _ADDED_LATER = frozenset(
     (
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
-        "sac.decay_updates", "replay.pursued_share",
+        "sac.decay_updates", "replay.pursued_share", "sac.reward_window",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -209,6 +209,7 @@ _LAPTOP = RunConfig(
         gamma=0.95,
         decay_updates=24 * 20 * 240,
         temperature=0.02,
+        reward_window=1_000,
         actor_every=2,
         network="pair_attention",
         hidden=64,

@@ -1,6 +1,6 @@
 """Writes the tables of docs/presets.md from the runs kept in results/agent: `make presets`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from make_fidelity import markdown, replace_section
@@ -9,37 +9,76 @@ from curiobench.run_folder import read_rows
 
 DOCS = Path(__file__).parent
 RUNS = DOCS.parent / "results" / "agent"
+PARTS_EPOCH = 4
+"""Epoch at which agents with and without a part are compared."""
+
+Rows = Iterable[Mapping[str, str]]
 
 
-def outcome(run: Path, epoch: int) -> list[str]:
-    """Of a run after some epoch: updates, minutes, success a layer, learned goals of all."""
-    progress = next(row for row in read_rows(run / "progress.csv") if int(row["epoch"]) == epoch)
-    rows = [row for row in read_rows(run / "evaluations.csv") if int(row["epoch"]) == epoch]
+def by_layer(rows: Rows) -> str:
+    """Mean success a layer."""
     success: dict[str, list[float]] = {}
     for row in rows:
         success.setdefault(row["layer"], []).append(float(row["success"]))
-    layers = " / ".join(f"{sum(values) / len(values):.2f}" for values in success.values())
-    mean = sum(float(row["success"]) for row in rows) / len(rows)
-    learned = f"{sum(int(row['learned']) for row in rows)} of {len(rows)}"
-    return [progress["updates"], f"{float(progress['seconds']) / 60:.1f}", layers, f"{mean:.2f}", learned]
+    return " / ".join(f"{sum(values) / len(values):.2f}" for values in success.values())
 
 
-def evaluated(run: Path) -> list[int]:
-    """Epochs after which a run was evaluated, the untrained agent apart."""
-    return sorted({int(row["epoch"]) for row in read_rows(run / "evaluations.csv")} - {0})
+def mean(rows: Rows) -> float:
+    """Mean success over all goals."""
+    values = [float(row["success"]) for row in rows]
+    return sum(values) / len(values)
+
+
+def evaluation(run: Path, epoch: int) -> list[dict[str, str]]:
+    """A run's rows, one a goal, after some epoch."""
+    return [row for row in read_rows(run / "evaluations.csv") if int(row["epoch"]) == epoch]
 
 
 def curve_table(runs: Iterable[Path]) -> str:
-    """A row a run and evaluation."""
-    rows = [[run.name, str(epoch), *outcome(run, epoch)] for run in runs for epoch in evaluated(run)]
-    return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], rows)
+    """A row a run and evaluation, the untrained agent's apart."""
+    table = []
+    for run in runs:
+        for progress in read_rows(run / "progress.csv"):
+            rows = evaluation(run, int(progress["epoch"]))
+            if rows:
+                minutes = f"{float(progress['seconds']) / 60:.1f}"
+                learned = f"{sum(int(row['learned']) for row in rows)} of {len(rows)}"
+                head = [run.name, progress["epoch"], progress["updates"], minutes]
+                table.append([*head, by_layer(rows), f"{mean(rows):.2f}", learned])
+    return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], table)
+
+
+def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
+    """A row a variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
+    runs = {"the whole agent": list(whole)}
+    for part in parts:
+        runs.setdefault(part.name.removeprefix("stack2-sac-").rpartition("-")[0], []).append(part)
+    table = []
+    for variant, of_variant in runs.items():
+        found = [evaluation(run, PARTS_EPOCH) for run in of_variant]
+        over_seeds = sum(map(mean, found)) / len(found)
+        table.append([variant, ", ".join(map(by_layer, found)), f"{over_seeds:.2f}"])
+    table = [table[0], *sorted(table[1:], key=lambda row: float(row[2]))]
+    return markdown(["variant", "success by layer, a seed each", "mean"], table)
+
+
+def sb3_table(path: Path) -> str:
+    """A row a test of stable-baselines3's agent."""
+    tests: dict[tuple[str, str, str], list[dict[str, str]]] = {}
+    for row in read_rows(path):
+        tests.setdefault((row["minutes"], row["steps"], row["updates"]), []).append(row)
+    table = [[*head, by_layer(rows), f"{mean(rows):.2f}"] for head, rows in tests.items()]
+    return markdown(["minutes of training", "steps", "updates", "success by layer", "mean"], table)
 
 
 if __name__ == "__main__":
     page = DOCS / "presets.md"
+    stack2 = sorted(RUNS.glob("stack2-sac-?"))
     tables = {
-        "stack2": curve_table(sorted(RUNS.glob("stack2-*"))),
-        "stack3": curve_table(sorted(RUNS.glob("stack3-*"))),
+        "stack2": curve_table(stack2),
+        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?"))),
+        "parts": parts_table(stack2[:2], sorted(RUNS.glob("parts/*"))),
+        "sb3": sb3_table(RUNS / "sb3-stack2.csv"),
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))

@@ -5,7 +5,7 @@ from torch import Tensor
 
 
 class RunningMoments:
-    """Mean and standard deviation of everything passed to `update`, in float64.
+    """Mean and standard deviation of everything passed to `update`, or of what was passed lately, in float64.
 
     Batches are merged by the parallel formula of Chan, Golub and LeVeque (1983), which loses no precision where
     the mean is large beside the spread:
@@ -14,11 +14,19 @@ class RunningMoments:
         mean' = mean + delta · n_b / n'
         m2'   = m2 + m2_b + delta² · n · n_b / n'          variance = m2 / n (population)
 
+    With a window of w updates, n and m2 shrink by 1 - 1/w before each merge. Mean and variance then are those of all
+    samples, each with the weight (1 - 1/w)^(updates since); that these add up to n corrects the bias of the start.
+
     `normalise` never updates: evaluation and reward normalisation read past statistics only.
     """
 
     def __init__(
-        self, shape: tuple[int, ...] = (), clip: float = 5.0, min_std: float = 1e-2, device: str | torch.device = "cpu"
+        self,
+        shape: tuple[int, ...] = (),
+        clip: float = 5.0,
+        min_std: float = 1e-2,
+        window: int | None = None,
+        device: str | torch.device = "cpu",
     ) -> None:
         """
         Args:
@@ -26,9 +34,10 @@ class RunningMoments:
             clip: normalised values are clipped to ±clip.
             min_std: lower bound of the standard deviation, in the samples' unit; keeps what hardly varies from being
                 blown up, and a single sample from dividing by zero.
+            window: w, at least 1; None forgets nothing.
             device: where the statistics live.
         """
-        self.shape, self.clip, self.min_std = shape, clip, min_std
+        self.shape, self.clip, self.min_std, self.window = shape, clip, min_std, window
         self.count = torch.zeros((), dtype=torch.float64, device=device)
         self.mean = torch.zeros(shape, dtype=torch.float64, device=device)
         self.m2 = torch.zeros(shape, dtype=torch.float64, device=device)
@@ -55,6 +64,9 @@ class RunningMoments:
         batch = samples.to(torch.float64).reshape(-1, *self.shape)
         if len(batch) == 0:
             return
+        if self.window is not None:
+            self.count *= 1.0 - 1.0 / self.window
+            self.m2 *= 1.0 - 1.0 / self.window
         batch_mean = batch.mean(0)
         delta = batch_mean - self.mean
         total = self.count + len(batch)

@@ -68,7 +68,7 @@ class SAC:
         self.critics = TwinCritics(self.encoder, config, generator)
         self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
         self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
-        self.reward_moments = RunningMoments((), min_std=1e-8, device=self.device)
+        self.reward_moments = RunningMoments((), min_std=1e-8, window=config.reward_window, device=self.device)
         self._train([*self.actor.parameters(), *self.critics.parameters()])
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
         self.updates = 0
@@ -131,7 +131,8 @@ class SAC:
         Returns:
             Scalar tensors by name, means over the batch, to be read only when logged: reward (r_ext), critic_loss, q
             (of stored actions), target_q, policy_loss, entropy (of the policy, squashed), temperature; temperature_loss
-            if it is tuned; with a curiosity method intrinsic_raw, intrinsic_normalised, and the method's own.
+            if it is tuned; with a curiosity method intrinsic_raw, intrinsic_normalised, bonus_spread (the standard
+            deviation of tau · n(r_int) over the batch), and the method's own.
 
         Raises:
             NonFiniteError: a loss is NaN or infinite; neither weights nor optimiser have taken that step. (On CUDA
@@ -217,7 +218,12 @@ class SAC:
         self.reward_moments.update(raw)
         learned = update_of(method, transitions, self.updates, self._learned)
         self._learned = tuple(learned)
-        return raw, normalised, {"intrinsic_raw": raw.mean(), "intrinsic_normalised": normalised.mean()} | learned
+        metrics = {
+            "intrinsic_raw": raw.mean(),
+            "intrinsic_normalised": normalised.mean(),
+            "bonus_spread": self.config.tau * normalised.std(correction=0),
+        }
+        return raw, normalised, metrics | learned
 
     @torch.no_grad()
     def _target(self, next_inputs: PairInputs, reward: Tensor, noise: Tensor) -> Tensor:

@@ -70,6 +70,9 @@ class SACConfig:
     """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
     tau: float = 0.2
     """Weight of curiosity: of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
+    reward_window: int | None = None
+    """Updates over which the statistics that z-score the intrinsic reward forget; None for all history, over which the
+    z-score of a reward that shrinks comes to nothing."""
 
     def __post_init__(self) -> None:
         for name, legal, range_ in (
@@ -81,8 +84,7 @@ class SACConfig:
             if not legal:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be {range_}")
         check_positive(self, "learning_rate", "target_every", "temperature", "hidden", "actor_every")
-        if self.decay_updates is not None:
-            check_positive(self, "decay_updates")
+        check_positive(self, *(name for name in ("decay_updates", "reward_window") if getattr(self, name) is not None))
         for name, options in (("network", Network), ("pairs", PairMode), ("features", Features)):
             check_option(self, name, options)
 

@@ -1,4 +1,4 @@
-"""Curves over training: success, per layer as in the paper's Figures 4 and 7, learned goals, and the share of π_d."""
+"""Curves over training: success, by layer as in the paper's Figures 4 and 7, learned goals, logged columns."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -32,7 +32,12 @@ def draw_learned(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]
 
 def draw_exploitation(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
     """Share of steps at which the exploitation policy π_d acted, of samples with the hybrid mechanism (Figure 6C)."""
-    return draw_lines(samples, [Panel("", _exploitation)], _epochs(task, r"share of $\pi_d$"))
+    return draw_lines(samples, [_of_column("share_exploitation")], _epochs(task, r"share of $\pi_d$"))
+
+
+def draw_bonus(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
+    """Standard deviation over a batch of what curiosity adds to the reward, of samples with a curiosity method."""
+    return draw_lines(samples, [_of_column("bonus_spread")], _epochs(task, r"spread of $\tau \cdot n(r_{int})$"))
 
 
 def layer_in_words(layer: int) -> str:
@@ -50,9 +55,15 @@ def _of_layer(place: int, read: Callable[[Sample], np.ndarray]) -> Callable[[Sam
     return values
 
 
-def _exploitation(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
-    kept = thinned(len(sample.exploitation_epochs))
-    return sample.exploitation_epochs[kept], sample.exploitation[:, kept]
+def _of_column(column: str) -> Panel:
+    """The panel of a column of progress.csv."""
+
+    def values(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+        epochs, rows = sample.logged[column]
+        kept = thinned(len(epochs))
+        return epochs[kept], rows[:, kept]
+
+    return Panel("", values)
 
 
 def _epochs(task: TaskSamples, y: str) -> Axis:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from curiobench.canvas import FORMATS, save
 from curiobench.results.comparison import draw_comparison
-from curiobench.results.curves import draw_exploitation, draw_learned, draw_success
+from curiobench.results.curves import draw_bonus, draw_exploitation, draw_learned, draw_success
 from curiobench.results.heat_map import draw_heat_map
 from curiobench.results.profiles import draw_profile
 from curiobench.results.samples import Sample, TaskSamples, task_samples
@@ -35,19 +35,22 @@ class Kind:
     """How the seeds are in it, where there are several."""
     methods: tuple[str, ...] | None = None
     """Methods in it; None for all."""
-    hybrid: bool = False
-    """Whether only those with the hybrid mechanism have it."""
+    column: str | None = None
+    """Column of progress.csv that it draws; only methods that have it are in it."""
 
     def shows(self, sample: Sample) -> bool:
         """Whether a sample is in it."""
-        known = not self.hybrid or len(sample.exploitation_epochs) > 0
+        known = self.column is None or len(sample.logged[self.column][0]) > 0
         return known and (self.methods is None or sample.method in self.methods)
 
 
 _LINES = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
 _SUCCESS = Kind(draw_success, "Success from plain starts, mean over goals", _LINES)
 _EXPLOITATION = Kind(
-    draw_exploitation, "Share of training steps at which the exploitation policy π_d acted", _LINES, hybrid=True
+    draw_exploitation,
+    "Share of training steps at which the exploitation policy π_d acted",
+    _LINES,
+    column="share_exploitation",
 )
 
 KINDS = MappingProxyType(
@@ -55,6 +58,12 @@ KINDS = MappingProxyType(
         "learning-curves": _SUCCESS,
         "learned-goals": Kind(draw_learned, "Goals with a success above 80 %", _LINES),
         "exploitation": _EXPLOITATION,
+        "bonus": Kind(
+            draw_bonus,
+            "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
+            _LINES,
+            column="bonus_spread",
+        ),
         "heat-map": Kind(draw_heat_map, "Success of each goal at the last evaluation", "Mean over {seeds}"),
         "profile": Kind(draw_profile, "Share of goals and seeds that end above a success of τ", _LINES),
         "comparison": Kind(

@@ -18,6 +18,7 @@ from curiobench.results.report_runs import RUN_HEADINGS, run_rows
 from curiobench.results.report_summary import summary, title_of
 from curiobench.results.report_tables import tables
 from curiobench.results.report_text import DEFINITIONS, citation
+from curiobench.results.samples import LOGGED
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -61,7 +62,7 @@ def write_report(
     """
     if out.is_dir():
         raise ValueError(f"cannot write {out}: it is a folder; name a file, such as {out / 'report.html'}")
-    results = read_results(paths, partial, False, ["share_exploitation"], processes)
+    results = read_results(paths, partial, False, LOGGED, processes)
     if results.runs.empty:
         raise ValueError("; ".join(["no run to report on", *results.faults]))
     methods = list(dict.fromkeys(results.runs["method"]))

@@ -26,6 +26,7 @@ CAPTIONS = MappingProxyType(
         "layer; bands are 95 % bootstrap intervals over seeds.",
         "learned-goals": "Number of goals whose success is above 80 %, over training.",
         "exploitation": "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
+        "bonus": "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
         "heat-map": "Success of each goal at the last evaluation, mean over seeds.",
         "profile": "Performance profile: the share of goals and seeds whose final success is above τ. Higher is "
         "better, at every τ.",

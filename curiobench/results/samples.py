@@ -1,6 +1,6 @@
 """What figures are drawn from: the runs of a method on a task, as arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 150
 """Points that are drawn of one curve, evenly spread: a panel is no more than a few hundred dots wide."""
+LOGGED = ("share_exploitation", "bonus_spread")
+"""Columns of progress.csv that figures draw."""
 CELL = ["method", "variant"]
 """What the runs of a sample have in common, on one task."""
 
@@ -40,10 +42,8 @@ class Sample:
     """(S, L) as `learned`, in the same way."""
     goal_success: np.ndarray
     """(S, G) success of each goal at each run's last evaluation."""
-    exploitation_epochs: np.ndarray
-    """(P,) epochs of which all runs know `exploitation`; none without the hybrid mechanism."""
-    exploitation: np.ndarray
-    """(S, P) share of the epoch's steps that the exploitation policy chose."""
+    logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
 
     @property
     def n_seeds(self) -> int:
@@ -104,7 +104,8 @@ def _of_task(task: str, runs: "pd.DataFrame", results: Results) -> TaskSamples:
         names = cells[method, variant]
         curves = _curves(names, layers, list(sizes))
         final = _goal_success(names, evaluations, list(goals["goal"]))
-        samples.append(Sample(method, variant, *curves, final, *_exploitation(names, progress)))
+        logged = {column: _logged(names, progress, column) for column in LOGGED}
+        samples.append(Sample(method, variant, *curves, final, logged))
     return TaskSamples(
         task=task,
         about=_about(task, runs),
@@ -147,12 +148,12 @@ def _goal_success(runs: Sequence[str], evaluations: "pd.DataFrame", goals: Seque
     return table[list(goals)].to_numpy(float)
 
 
-def _exploitation(runs: Sequence[str], progress: "pd.DataFrame") -> tuple[np.ndarray, np.ndarray]:
-    """Epochs (P,) of which all runs know the exploitation policy's share, and the shares (S, P)."""
-    if "share_exploitation" not in progress:
+def _logged(runs: Sequence[str], progress: "pd.DataFrame", column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Epochs (P,) of which all runs have a value in a column of progress.csv, and the values (S, P)."""
+    if column not in progress:
         return np.empty(0, int), np.empty((len(runs), 0))
-    rows = progress.loc[progress["run"].isin(runs), ["run", "epoch", "share_exploitation"]].astype({"run": str})
-    table = rows.pivot(index="run", columns="epoch", values="share_exploitation")
+    rows = progress.loc[progress["run"].isin(runs), ["run", "epoch", column]].astype({"run": str})
+    table = rows.pivot(index="run", columns="epoch", values=column)
     table = table.reindex(runs).dropna(axis="columns")
     return table.columns.to_numpy(int), table.to_numpy(float)
 

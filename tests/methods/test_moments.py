@@ -54,6 +54,20 @@ def test_mistaken_updates_fail_the_hand_values(old, new):
     assert not agrees_with_hand_values(filled(mutated(old, new)))
 
 
+def test_a_window_weighs_samples_by_the_updates_since():
+    rng = np.random.default_rng(0)
+    batches = [rng.normal(10.0 - k, 1.0 + k, (5 + k, 2)) for k in range(6)]
+    found = RunningMoments((2,), window=3)
+    for batch in batches:
+        found.update(torch.from_numpy(batch))
+    samples = np.concatenate(batches)
+    weights = np.concatenate([np.full(len(batch), (2 / 3) ** (5 - k)) for k, batch in enumerate(batches)])
+    mean = np.average(samples, axis=0, weights=weights)
+    spread = np.average((samples - mean) ** 2, axis=0, weights=weights) ** 0.5
+    assert np.allclose(found.mean, mean)
+    assert np.allclose(found.std, spread)
+
+
 def test_single_sample_is_finite_and_a_sample_variance_is_not():
     def normalised(cls: type[RunningMoments]) -> torch.Tensor:
         found = cls((2,))

@@ -254,6 +254,22 @@ def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_m
     check_intrinsic_reward(SAC)
 
 
+class Shrinking(Counting):
+    """Novelty that wears off, as RND's does."""
+
+    def reward(self, transitions: Transitions) -> torch.Tensor:
+        return super().reward(transitions) * 0.97**self.updates
+
+
+@pytest.mark.parametrize(("window", "alive"), [(10, True), (None, False)])
+def test_a_reward_that_shrinks_stays_alive_where_its_statistics_forget(window, alive):
+    rng = np.random.default_rng(0)
+    intrinsic = Shrinking(0, 0, Counting.Config(), None)
+    agent = agent_of(intrinsic=intrinsic, reward_window=window)
+    spread = [agent.update(random_batch(SMALL, 64, rng))["bonus_spread"].item() for _ in range(200)]
+    assert (min(spread[150:]) > 0.1 * agent.config.tau) == alive
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [

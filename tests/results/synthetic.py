@@ -136,15 +136,20 @@ def _evaluations(task: str, rates: np.ndarray) -> str:
 
 
 def _progress(method: str, rates: np.ndarray) -> str:
-    hybrid = canonical(method).endswith("+hm")
+    hybrid, curious = canonical(method).endswith("+hm"), method != "sac"
     names = "epoch,steps,updates,episodes,diverged,training_success,training_success_unsatisfied,goals_reached,"
-    names += "goals_learned,success,reward,critic_loss" + ",share_exploitation" * hybrid + ",seconds"
+    names += (
+        "goals_learned,success,reward,critic_loss"
+        + ",bonus_spread" * curious
+        + ",share_exploitation" * hybrid
+        + ",seconds"
+    )
     lines = [names]
     for epoch, row in enumerate(rates[1:], start=1):
         means = f"{row.mean()},{row.mean()},{(row > 0).sum()},{(row > 0.8).sum()},{row.mean()},0.3,{1 / epoch}"
-        share = f",{0.5 + 0.4 * row.mean()}" if hybrid else ""
+        logged = f",{0.2 / epoch}" * curious + f",{0.5 + 0.4 * row.mean()}" * hybrid
         counts = f"{epoch},{epoch * STEPS_AN_EPOCH},{epoch * 10},20,0"
-        lines.append(f"{counts},{means}{share},{epoch * SECONDS_AN_EPOCH}")
+        lines.append(f"{counts},{means}{logged},{epoch * SECONDS_AN_EPOCH}")
     return "\n".join(lines) + "\n"
 
 

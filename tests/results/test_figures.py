@@ -10,8 +10,8 @@ from matplotlib.text import Text
 
 from curiobench.cli import main
 from curiobench.results.comparison import draw_comparison, success_over_training
-from curiobench.results.curves import draw_exploitation, draw_learned, draw_success
-from curiobench.results.figures import draw_figures
+from curiobench.results.curves import draw_bonus, draw_exploitation, draw_learned, draw_success
+from curiobench.results.figures import KINDS, draw_figures
 from curiobench.results.frames import read_results
 from curiobench.results.heat_map import draw_heat_map
 from curiobench.results.profiles import THRESHOLDS, draw_profile
@@ -184,6 +184,17 @@ def test_share_of_the_exploitation_policy(samples):
     assert line.get_ydata() == pytest.approx(0.5 + 0.4 * success)
 
 
+def test_spread_of_the_bonus_is_drawn_of_methods_that_have_one(samples):
+    task = samples(methods=("sac", "icm"))
+    sac, icm = task.samples
+    with theme():
+        (figure,) = draw_bonus(task, [icm])
+    assert lines(figure.axes[0])["icm"].get_ydata() == pytest.approx(
+        [0.2, 0.1, 0.2 / 3, 0.05]
+    )  # as synthetic.py has it
+    assert [KINDS["bonus"].shows(sample) for sample in (sac, icm)] == [False, True]
+
+
 def test_heat_map_has_every_goal_by_layer_and_every_method(samples):
     task = samples(tasks=["stack3"], methods=("sac", LONG), seeds=2)
     with theme():
@@ -281,7 +292,7 @@ def names(paths):
 def test_files_of_every_kind(make_runs, tmp_path):
     results = read_results(make_runs(seeds=1), every_goal=False)
     paths = draw_figures(results, tmp_path / "new" / "figures", formats=["png"])
-    kinds = ["learning-curves", "learned-goals", "exploitation", "heat-map", "profile", "comparison"]
+    kinds = ["learning-curves", "learned-goals", "exploitation", "bonus", "heat-map", "profile", "comparison"]
     assert names(paths) == [f"stack2-{kind}.png" for kind in kinds]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
