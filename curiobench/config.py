@@ -205,6 +205,7 @@ _LAPTOP = RunConfig(
     curriculum="near",
     evaluate_every=4,
     replay=ReplayConfig(relabelling="arrivals", pursued_share=0.25, satisfied_cap=0.2),
+    hybrid=HybridConfig(popart_rate=3e-3),
     sac=SACConfig(
         gamma=0.95,
         decay_updates=24 * 20 * 240,

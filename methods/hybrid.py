@@ -38,6 +38,8 @@ from curiobench.methods.settings import HybridConfig, SACConfig
 
 EXPLOIT, EXPLORE = 0, 1
 """pi_d and pi_c, wherever a tensor has one entry a policy."""
+PROBE_STATES, PROBE_ACTIONS = 64, 16
+"""States and random actions in each of them over which the spreads of Q_ext and Q_int are measured."""
 
 
 class PolicyPair(nn.Module):
@@ -96,7 +98,8 @@ class HybridAgent(SAC):
         self._targets += values.target_net.parameters()
         self._sources += values.net.parameters()
         self._exploited = self._acted = 0
-        self._share_exploitation: float | None = None
+        self._measured: dict[str, float] = {}
+        self._probe: Tensor | None = None  # rows of `StaticBatch`
 
     @torch.no_grad()
     def act(
@@ -148,7 +151,7 @@ class HybridAgent(SAC):
     def _learn(self, batch: StaticBatch, epoch: int, acts: bool) -> Metrics:
         """As `SAC._learn`, whose metrics are pi_d's and Q_ext's here. Beside them: explorer_policy_loss,
         explorer_entropy, explorer_temperature (and explorer_temperature_loss), pi_c's; those of `IntrinsicValues.loss`;
-        and share_exploitation, pi_d's share of the steps collected last.
+        and what `_measure` finds.
         """
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         noise = torch.randn((2, *batch.action.shape), generator=self.generator, device=self.device)
@@ -163,7 +166,10 @@ class HybridAgent(SAC):
         targets = self._both_targets(next_inputs, batch.reward, (raw, normalised), noise[0])
         losses, metrics = self._all_losses(inputs, batch, targets, sample if acts else None, transitions)
         self._descend(losses, acts)
-        return {"reward": batch.reward.mean()} | learned | metrics | self._latest_share()
+        if self._acted:
+            self._measure(batch)
+        measured = {name: torch.tensor(value, device=self.device) for name, value in self._measured.items()}
+        return {"reward": batch.reward.mean()} | learned | metrics | measured
 
     @torch.no_grad()
     def _both_targets(
@@ -222,22 +228,39 @@ class HybridAgent(SAC):
                 found[f"{name}temperature"] = _named(name, loss)
         return found
 
-    def _latest_share(self) -> Metrics:
-        """pi_d's share of the steps since the last update that followed any; nothing before the first step."""
-        if self._acted:
-            self._share_exploitation = self._exploited / self._acted
-            self._exploited = self._acted = 0
-        share = self._share_exploitation
-        return {} if share is None else {"share_exploitation": torch.tensor(share, device=self.device)}
+    @torch.no_grad()
+    def _measure(self, batch: StaticBatch) -> None:
+        """Once after each collection: share_exploitation, pi_d's share of its steps, and two spreads over actions.
+
+        q_ext_action_spread and q_int_action_spread: standard deviations of Q_ext and of tau · Q_int over random actions
+        in one state, mean over states of the first batch. The explorer differs from the exploiter as far as the second
+        is no small part of the first.
+        """
+        if self._probe is None:
+            self._probe = batch.rows[:1, :PROBE_STATES].clone()
+        generator = torch.Generator().manual_seed(0)  # the same actions each time
+        shape = (PROBE_ACTIONS, self._probe.shape[1], self.layout.action_size)
+        tried = torch.rand(shape, generator=generator).to(self.device) * 2.0 - 1.0
+        (inputs,) = self.encoder.encode_rows(self._probe)
+        q_ext = self.critics(inputs, tried).min(0).values
+        q_int = self.config.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
+        self._measured = {
+            "share_exploitation": self._exploited / self._acted,
+            "q_ext_action_spread": q_ext.std(0, correction=0).mean().item(),
+            "q_int_action_spread": q_int.std(0, correction=0).mean().item(),
+        }
+        self._exploited = self._acted = 0
 
     def state_dict(self) -> dict[str, Any]:
-        """As `SAC.state_dict`, with Q_int and the counts of pi_d's share."""
-        return super().state_dict() | {"choices": [self._exploited, self._acted, self._share_exploitation]}
+        """As `SAC.state_dict`, with Q_int, the counts of pi_d's share, and what was measured on which states."""
+        counts = {"exploited": self._exploited, "acted": self._acted, "measured": dict(self._measured)}
+        return super().state_dict() | counts | {"probe": None if self._probe is None else self._probe.clone()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """As `SAC.load_state_dict`."""
         super().load_state_dict(state)
-        self._exploited, self._acted, self._share_exploitation = state["choices"]
+        self._exploited, self._acted, self._measured = state["exploited"], state["acted"], dict(state["measured"])
+        self._probe = None if state["probe"] is None else state["probe"].to(self.device, copy=True)
 
 
 def _named(prefix: str, loss: tuple[Tensor, Metrics]) -> tuple[Tensor, Metrics]:

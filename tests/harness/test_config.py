@@ -124,6 +124,15 @@ def test_the_laptop_preset_is_the_default():
     assert parse_train(["--out", "x"]).config == PRESETS["laptop"]
 
 
+@pytest.mark.parametrize("task", ["stack2", "stack3"])
+@pytest.mark.parametrize("name", ["paper", "laptop"])
+def test_statistics_that_forget_do_so_in_a_small_part_of_a_run(name, task):
+    config = preset(name, task)
+    updates = config.epochs * config.cycles * config.updates
+    assert 10 / config.hybrid.popart_rate < updates
+    assert 10 * (config.sac.reward_window or 0) < updates
+
+
 def test_the_laptop_preset_is_shorter_for_two_blocks():
     laptop, parsed = PRESETS["laptop"], parse_train(["--out", "x", "--task", "stack2"]).config
     assert parsed == preset("laptop", "stack2")

@@ -14,7 +14,7 @@ from layouts import SMALL
 from test_sac import Counting, agent_of, random_batch, same_state
 from test_sac_learning import two_state_batch
 
-from curiobench.methods.hybrid import EXPLOIT, EXPLORE, HybridAgent
+from curiobench.methods.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS, HybridAgent
 from curiobench.methods.pairs import PairInputs
 from curiobench.methods.reward import Batch
 from curiobench.methods.sac import NonFiniteError
@@ -133,7 +133,24 @@ def test_share_of_exploitation_counts_steps_since_they_were_last_learned_from():
         agent.act(*raw_of(batch))
         agent.act(*raw_of(batch), deterministic=True)
     assert agent._acted == 24
-    assert agent.update(batch)["share_exploitation"] == pytest.approx(agent._share_exploitation)
+    assert agent.update(batch)["share_exploitation"] == pytest.approx(agent._measured["share_exploitation"])
+
+
+def test_spreads_over_actions_are_measured_in_states_of_the_first_batch_after_each_collection():
+    agent, rng = hybrid_of(tau=0.3), np.random.default_rng(0)
+    first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
+    for batch in (first, second):
+        agent.act(*raw_of(batch))
+        found = agent.update(batch)
+    inputs = agent.encoder.encode(*map(torch.as_tensor, raw_of(first)))
+    shape = (PROBE_ACTIONS, 8, SMALL.action_size)
+    actions = torch.rand(shape, generator=torch.Generator().manual_seed(0)) * 2 - 1
+    with torch.no_grad():
+        q_ext = [agent.critics(inputs, a[None]).amin(0)[0].numpy() for a in actions]
+        q_int = [agent.intrinsic_values(inputs.state, a[None])[0, 0].numpy() for a in actions]
+    assert found["q_ext_action_spread"] == pytest.approx(np.std(q_ext, axis=0).mean(), rel=1e-4)
+    assert found["q_int_action_spread"] == pytest.approx(0.3 * np.std(q_int, axis=0).mean(), rel=1e-4)
+    assert agent.update(second)["q_ext_action_spread"] == found["q_ext_action_spread"]  # nothing was collected since
 
 
 def test_evaluation_is_pi_d_alone_and_draws_and_counts_nothing():
