@@ -263,6 +263,7 @@ _BY_TASK = MappingProxyType(
             "updates": 60,
             "batch_size": 512,
             "evaluate_every": 1,
+            "replay": replace(_LAPTOP.replay, pursued_share=0.0),
             "sac": replace(_LAPTOP.sac, decay_updates=6 * 40 * 60),
         }
     }
