@@ -264,7 +264,7 @@ _BY_TASK = MappingProxyType(
             "batch_size": 512,
             "evaluate_every": 1,
             "replay": replace(_LAPTOP.replay, pursued_share=0.0),
-            "sac": replace(_LAPTOP.sac, decay_updates=6 * 40 * 60),
+            "sac": replace(_LAPTOP.sac, decay_updates=None),
         }
     }
 )
