@@ -185,8 +185,16 @@ class RunConfig:
         return {name: value for name, value in self.to_json().items() if name != "machine"}
 
     def fingerprint(self) -> str:
-        """Hexadecimal digest of everything that decides the numbers of an epoch: all but how many epochs there are."""
-        deciding = {name: value for name, value in self.decisive().items() if name != "epochs"}
+        """Hexadecimal digest of everything that decides the numbers of an epoch: all but how many epochs there are.
+
+        Fields that were added later are left out where they have their default: a checkpoint outlives a new field.
+        """
+        defaults = flatten(RunConfig().to_json())
+        deciding = {
+            name: value
+            for name, value in flatten(self.decisive()).items()
+            if name != "epochs" and not (_added_later(name) and value == defaults.get(name))
+        }
         return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
 
@@ -285,6 +293,19 @@ def preset(name: str, task: str) -> RunConfig:
     """The config of a preset for a task. Raises ValueError where one of them is unknown."""
     check_name("preset", name, PRESET_NAMES)
     return replace(PRESETS[name], task=task, **_BY_TASK.get((name, task), {}))
+
+
+def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """Nested options by dotted name."""
+    flat = {}
+    for name, value in options.items():
+        flat |= flatten(value, f"{path}{name}.") if isinstance(value, dict) else {path + name: value}
+    return flat
+
+
+def _added_later(name: str) -> bool:
+    """Whether a field, by dotted name, or the group that it is in, was added later."""
+    return name in _ADDED_LATER or name.partition(".")[0] in _ADDED_LATER
 
 
 def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:

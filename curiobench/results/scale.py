@@ -5,9 +5,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from curiobench.config import PRESETS, preset
+from curiobench.config import PRESETS, flatten, preset
 from curiobench.results.reading import decisive
-from curiobench.results.variants import flatten
 from curiobench.tasks.registration import EPISODE_STEPS
 
 if TYPE_CHECKING:

@@ -5,6 +5,8 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from curiobench.config import flatten
+
 _APART = ("task", "method", "seed")
 """Options with a column of their own."""
 _SETTINGS = "method_config."
@@ -68,14 +70,6 @@ def _tells(variant: str, name: str) -> bool:
 
 def _is_own(name: str) -> bool:
     return name in _APART or name.startswith(_SETTINGS)
-
-
-def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
-    """Nested options by dotted name."""
-    flat = {}
-    for name, value in options.items():
-        flat |= flatten(value, f"{path}{name}.") if isinstance(value, dict) else {path + name: value}
-    return flat
 
 
 def _groups(runs: Sequence[Mapping[str, Any]], *names: str) -> list[list[int]]:

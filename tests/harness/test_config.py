@@ -15,6 +15,7 @@ from curiobench.config import (
     differences,
     preset,
 )
+from curiobench.methods.settings import HybridConfig
 from curiobench.train_arguments import parse_train
 
 
@@ -92,6 +93,14 @@ def test_machine_settings_decide_nothing():
     assert differences(smoke, changed) == ["epochs is 5, not 9", "sac.gamma is 0.95, not 0.5"]
     assert smoke.fingerprint() != changed.fingerprint()
     assert smoke.fingerprint() == replace(smoke, epochs=9).fingerprint()  # a checkpoint serves a longer run, too
+
+
+def test_a_new_field_leaves_checkpoints_of_before_readable():
+    """The digest may change only where a default does, since then the numbers of a run do."""
+    assert RunConfig().fingerprint() == "e564d266bee435c50db0acc81985ffbb2558dff7869d54d70eea862a7363df7e"
+    assert RunConfig(starts="plain").fingerprint() != RunConfig().fingerprint()
+    hybrid = replace(RunConfig(), hybrid=HybridConfig(popart_rate=0.5))
+    assert hybrid.fingerprint() != RunConfig().fingerprint()
 
 
 def test_configs_of_before_a_machine_option_are_read():
