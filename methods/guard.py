@@ -24,9 +24,10 @@ TAKEN = frozenset(
         "goals_reached", "goals_learned", "success", "seconds", "seconds_collecting", "seconds_sampling",
         "seconds_updating", "seconds_evaluating", "seconds_checkpointing",
         "reward", "critic_loss", "q", "target_q", "policy_loss", "entropy", "temperature", "temperature_loss",
-        "intrinsic_raw", "intrinsic_normalised",
+        "intrinsic_raw", "intrinsic_normalised", "bonus_spread",
         "explorer_policy_loss", "explorer_entropy", "explorer_temperature", "explorer_temperature_loss",
         "q_int_loss", "q_int_popart", "q_int_zscore", "popart_mean", "popart_scale", "share_exploitation",
+        "q_ext_action_spread", "q_int_action_spread",
         "run", "task", "method", "variant", "seed",
     )
 )  # fmt: skip
