@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -189,7 +190,7 @@ class RunConfig:
 
         Fields that were added later are left out where they have their default: a checkpoint outlives a new field.
         """
-        defaults = flatten(RunConfig().to_json())
+        defaults = flatten(_defaults())
         deciding = {
             name: value
             for name, value in flatten(self.decisive()).items()
@@ -303,6 +304,12 @@ def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
     return flat
 
 
+@cache
+def _defaults() -> Mapping[str, Any]:
+    """Plain options of the default config, made once: a table asks for them several times a run. Not to be changed."""
+    return RunConfig().to_json()
+
+
 def _added_later(name: str) -> bool:
     """Whether a field, by dotted name, or the group that it is in, was added later."""
     return name in _ADDED_LATER or name.partition(".")[0] in _ADDED_LATER
@@ -310,7 +317,7 @@ def _added_later(name: str) -> bool:
 
 def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
     """Plain options of a run, with the fields that it lacks because it is older than they are."""
-    defaults, filled = RunConfig().to_json(), dict(options)
+    defaults, filled = _defaults(), dict(options)
     for name in _ADDED_LATER:
         group, _, field_name = name.rpartition(".")
         if not group:

@@ -189,9 +189,8 @@ def test_spread_of_the_bonus_is_drawn_of_methods_that_have_one(samples):
     sac, icm = task.samples
     with theme():
         (figure,) = draw_bonus(task, [icm])
-    assert lines(figure.axes[0])["icm"].get_ydata() == pytest.approx(
-        [0.2, 0.1, 0.2 / 3, 0.05]
-    )  # as synthetic.py has it
+    as_synthetic = [0.2, 0.1, 0.2 / 3, 0.05]
+    assert lines(figure.axes[0])["icm"].get_ydata() == pytest.approx(as_synthetic)
     assert [KINDS["bonus"].shows(sample) for sample in (sac, icm)] == [False, True]
 
 
