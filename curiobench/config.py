@@ -38,7 +38,7 @@ _ADDED_LATER = frozenset(
     (
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
-        "sac.decay_updates", "replay.pursued_share", "sac.reward_window",
+        "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -204,7 +204,7 @@ PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 # found by experiment: docs/presets.md
 _LAPTOP = RunConfig(
     preset="laptop",
-    epochs=24,
+    epochs=56,
     cycles=20,
     worlds=64,
     rollouts=1,
@@ -217,8 +217,9 @@ _LAPTOP = RunConfig(
     hybrid=HybridConfig(popart_rate=3e-3),
     sac=SACConfig(
         gamma=0.95,
-        decay_updates=24 * 20 * 240,
+        decay_updates=56 * 20 * 240,
         temperature=0.02,
+        entropy_in_targets=False,
         reward_window=1_000,
         actor_every=2,
         network="pair_attention",

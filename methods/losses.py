@@ -6,9 +6,17 @@ Metrics = dict[str, Tensor]
 """Scalar tensors by name."""
 
 
-def soft_target(reward: Tensor, next_values: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float) -> Tensor:
-    """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions."""
-    return addcmul(next_values.min(0).values, alpha, next_log_prob, value=-1).mul_(gamma).add_(reward)
+def bootstrapped_target(
+    reward: Tensor, next_values: Tensor, gamma: float, next_log_prob: Tensor, alpha: Tensor | None
+) -> Tensor:
+    """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions.
+
+    Without `alpha` the policy's entropy is no part of the value.
+    """
+    value = next_values.min(0).values
+    if alpha is not None:
+        value = addcmul(value, alpha, next_log_prob, value=-1)
+    return (value * gamma).add_(reward)
 
 
 def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:

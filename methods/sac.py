@@ -1,6 +1,7 @@
 """Goal-conditioned soft actor-critic (Haarnoja et al. 2018, arXiv 1812.05905) over pairs of blocks.
 
     y          = r + gamma · (min_k Q'_k(s', a', g) - alpha · log pi(a' | s', g)),   a' ~ pi
+                 (the last term only with `entropy_in_targets`)
     critics    : mean over the batch, summed over k, of ½ (Q_k(s, a, g) - y)²
     policy     : mean of alpha · log pi(a | s, g) - min_k Q_k(s, a, g),              a ~ pi
     temperature: mean of -log alpha · (log pi(a | s, g) + target entropy)            (only if tuned)
@@ -30,7 +31,7 @@ from curiobench.methods.guard import (
     state_of,
     update_of,
 )
-from curiobench.methods.losses import Metrics, critic_loss, policy_loss, soft_target, temperature_loss
+from curiobench.methods.losses import Metrics, bootstrapped_target, critic_loss, policy_loss, temperature_loss
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
 from curiobench.methods.pairs import PairEncoder, PairInputs, PairLayout
@@ -230,7 +231,8 @@ class SAC:
         """Bootstrapped targets (B,) of both critics."""
         next_action, next_log_prob = self.actor.sample(next_inputs, noise)
         next_values = self.target_critics(next_inputs, next_action.unsqueeze(0)).squeeze(1)
-        return soft_target(reward, next_values, next_log_prob, self.log_alpha.exp(), self.config.gamma)
+        alpha = self.log_alpha.exp() if self.config.entropy_in_targets else None
+        return bootstrapped_target(reward, next_values, self.config.gamma, next_log_prob, alpha)
 
     def _losses(
         self,

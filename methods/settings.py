@@ -49,6 +49,10 @@ class SACConfig:
     """Weight of the policy's entropy; the initial one if tune_temperature is set."""
     tune_temperature: bool = False
     """Adjust the temperature until the policy's entropy is -dim(action) (Haarnoja et al. 2018, section 5)."""
+    entropy_in_targets: bool = True
+    """Count the entropy of the policy to come as a part of the value, as soft actor-critic does. It costs a policy
+    entropy to be precise: where the goal is far, that outweighs the discounted reward, and the agent stays where it
+    is."""
     actor_every: int = 1
     """Updates from one step of policy and temperature to the next; critics learn at each (Fujimoto et al. 2018)."""
     network: Network = "deep_sets"

@@ -17,9 +17,9 @@ from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 from curiobench.methods.sac import (
     SAC,
     NonFiniteError,
+    bootstrapped_target,
     critic_loss,
     policy_loss,
-    soft_target,
     temperature_loss,
 )
 from curiobench.methods.settings import SACConfig
@@ -90,8 +90,10 @@ def same_state(first, second) -> bool:
 def test_losses_by_hand():
     values = torch.tensor([[1.0, 4.0], [3.0, 2.0]])
     log_prob, alpha = torch.tensor([-1.0, 2.0]), torch.tensor(0.5)
-    target = soft_target(torch.tensor([1.0, 0.0]), values, log_prob, alpha, gamma=0.5)
+    reward = torch.tensor([1.0, 0.0])
+    target = bootstrapped_target(reward, values, 0.5, log_prob, alpha)
     assert target.tolist() == [1 + 0.5 * (1 + 0.5), 0.5 * (2 - 1)]
+    assert bootstrapped_target(reward, values, 0.5, log_prob, None).tolist() == [1 + 0.5 * 1, 0.5 * 2]
     loss, _ = critic_loss(values, torch.tensor([1.0, 2.0]))
     assert loss.item() == 0.5 * (0 + 4) / 2 + 0.5 * (4 + 0) / 2
     loss, metrics = policy_loss(values, log_prob, alpha)
