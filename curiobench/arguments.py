@@ -170,7 +170,8 @@ class ProbeArguments:
     """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
     training (only while it lasts: see --machine.keep-replay)."""
     as_of_epoch: int | None = None
-    """Tell methods another epoch than their checkpoint's: what would MI's growing weight of conservativeness change?"""
+    """Tell methods another epoch, of the paper's 500, than their checkpoint's: what would MI's growing weight of
+    conservativeness change?"""
     method: tuple[str, ...] = ()
     """The runs' methods that are from outside: naming them allows importing them."""
 

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
 
+PAPER_EPOCHS = 500
+"""Epochs of the paper's runs, in which it gives its schedules."""
+
 LARGEST_SEED = (1 << 31) - 1
 """Seeds, and epochs, are 32-bit numbers in what runs are read into."""
 
@@ -39,6 +42,7 @@ _ADDED_LATER = frozenset(
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
         "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
+        "schedule_epochs",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -106,6 +110,10 @@ class RunConfig:
     """Which goals training episodes pursue: uniform over those reached so far (reached), or half of them near the start
     (near)."""
 
+    schedule_epochs: int = PAPER_EPOCHS
+    """Epochs in which a method passes through a schedule that the paper gives in epochs of its 500, such as MI's
+    lambda; longer runs go on beyond it."""
+
     evaluate_every: int = 5
     """Epochs between evaluations; there is one before training and one after the last epoch in any case."""
     episodes_per_goal: int = 25
@@ -135,7 +143,7 @@ class RunConfig:
         check_option(self, "curriculum", Curriculum)
         self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
-        _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads")
+        _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads", "schedule_epochs")
         _check_at_least(self, 0, "seed", "biased_from_epoch")
         for name, value in (("seed", self.seed), ("epochs", self.epochs)):
             if value > LARGEST_SEED:
@@ -158,6 +166,10 @@ class RunConfig:
         kind = type(None) if spec.reward is None else spec.reward.Config
         if not isinstance(self.method_config, kind):
             raise ValueError(f"method_config is {self.method_config!r}; {spec.text} takes a {kind.__name__}")
+
+    def paper_epoch(self, epoch: int, cycle: int = 0) -> int:
+        """Where a run stands after so many epochs and cycles, in epochs of the paper's run, rounded down."""
+        return (epoch * self.cycles + cycle) * PAPER_EPOCHS // (self.schedule_epochs * self.cycles)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, nested; `from_json` turns them back into an equal config."""
@@ -212,6 +224,7 @@ _LAPTOP = RunConfig(
     batch_size=256,
     biased_from_epoch=0,
     curriculum="near",
+    schedule_epochs=56,
     evaluate_every=4,
     replay=ReplayConfig(relabelling="arrivals", pursued_share=0.25, satisfied_cap=0.2),
     hybrid=HybridConfig(popart_rate=3e-3),
@@ -257,6 +270,7 @@ PRESETS = MappingProxyType(
             cycles=8,
             worlds=32,
             updates=20,
+            schedule_epochs=5,
             evaluate_every=1,
             episodes_per_goal=10,
             replay=replace(_LAPTOP.replay, capacity=2_000),
@@ -272,6 +286,7 @@ _BY_TASK = MappingProxyType(
             "cycles": 40,
             "updates": 60,
             "batch_size": 512,
+            "schedule_epochs": 6,
             "evaluate_every": 1,
             "replay": replace(_LAPTOP.replay, pursued_share=0.0),
             "sac": replace(_LAPTOP.sac, decay_updates=None),

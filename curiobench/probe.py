@@ -40,7 +40,7 @@ class ProbedRun(SavedRun):
     label: str
     """The method's spec, with the folder's name where several runs share it."""
     asked_as_of: int | None = None
-    """Epoch that the method is told; None for `epoch`. Decides MI's lambda."""
+    """Epoch that the method is told, of the paper's 500; None for the checkpoint's. Decides MI's lambda."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,8 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     """
     n, size = len(probed.reward), others(run)
     together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
-    seen = what_method_sees(run.agent, together, run.epoch if run.asked_as_of is None else run.asked_as_of)
+    epoch = run.config.paper_epoch(run.epoch) if run.asked_as_of is None else run.asked_as_of
+    seen = what_method_sees(run.agent, together, epoch)
     rest = torch.arange(n, n + size)
     batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
     return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])

@@ -170,13 +170,14 @@ class TrainingState:
 
     def learn(self) -> None:
         """The gradient updates of a cycle. Raises NonFiniteError where a loss or a metric is NaN or infinite."""
+        epoch = self.config.paper_epoch(self.counters.epoch, self.counters.cycle)
         totals: dict[str, torch.Tensor] = {}
         counts: Counter[str] = Counter()
         for _ in range(self.config.updates):
             with self.counters.timed("sampling"):
                 batch = Batch.from_numpy(self.replay.sample(self.config.batch_size, self._generators["replay"]))
             with self.counters.timed("updating"):
-                metrics = self.agent.update(batch, self.counters.epoch)
+                metrics = self.agent.update(batch, epoch)
                 # summed as tensors: reading each one would make a GPU wait
                 totals |= {name: value + totals.get(name, 0) for name, value in metrics.items()}
                 counts.update(metrics.keys())

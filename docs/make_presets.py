@@ -77,6 +77,7 @@ if __name__ == "__main__":
     tables = {
         "stack2": curve_table(stack2),
         "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?"))),
+        "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?"))),
         "parts": parts_table(stack2[:2], sorted(RUNS.glob("parts/*"))),
         "sb3": sb3_table(RUNS / "sb3-stack2.csv"),
     }

@@ -24,7 +24,7 @@ Differences from the authors' code (seungyulhan/dac), which extends SAC with a s
 
 - There the entropy of q_mix is part of the value: the policy's share, alpha · (log R - log alpha - log pi), and the
   buffer's share, (1 - alpha) times what is r_int here. As a benchmarked *reward*, only the latter is given,
-  normalised and weighted like any other method's. Targets keep SAC's own - log pi.
+  normalised and weighted like any other method's. Targets have SAC's own - log pi only if the agent's have it.
 - The policy's share is weighted by the agent's temperature there as here; in their code alpha(s) multiplies it, too.
   With the fixed 0.5 that is a matter of scale; with `adapt_alpha` the term here does not follow alpha(s).
 - R is a perceptron of logits: log R = -softplus(-x) needs no small constant inside a logarithm.

@@ -57,7 +57,7 @@ class MIConfig:
     m: float = 1.0
     """Added inside both logarithms; the paper's."""
     xi: float = 0.99
-    """Conservativeness grows as 1 - xi^epoch; the paper's, where xi lies in (0, 1)."""
+    """Conservativeness grows as 1 - xi^epoch, in epochs of a run of 500; the paper's, where xi lies in (0, 1)."""
     beta: float = 0.7
     """Largest weight of conservativeness, in [0, 1]; the paper's."""
     hidden: int = 128

@@ -68,7 +68,8 @@ class Transitions:
     next_state: Tensor
     """(B, D) normalised and clipped to ±5."""
     epoch: int
-    """Epoch of training, from 0; MI's weight of conservativeness depends on it."""
+    """Epoch of training, from 0, in a run of the paper's 500; shorter runs count faster. MI's weight of
+    conservativeness depends on it."""
     policy: PolicyView | None = None
     """Only for a method with `uses_policy`, which then sees goals."""
 

@@ -127,7 +127,7 @@ class SAC:
 
         Args:
             batch: B transitions, raw, any numeric type; copied.
-            epoch: epoch of training, passed to the curiosity method.
+            epoch: of the paper's 500 (`RunConfig.paper_epoch`), passed to the curiosity method.
 
         Returns:
             Scalar tensors by name, means over the batch, to be read only when logged: reward (r_ext), critic_loss, q

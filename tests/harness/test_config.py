@@ -142,6 +142,22 @@ def test_statistics_that_forget_do_so_in_a_small_part_of_a_run(name, task):
     assert 10 * (config.sac.reward_window or 0) < updates
 
 
+@pytest.mark.parametrize(("name", "task"), [("laptop", "stack2"), ("laptop", "stack3"), ("smoke", "stack3")])
+def test_schedules_are_passed_through_at_the_papers_pace(name, task):
+    """MI's lambda reaches its cap in the paper's epoch 120 of 500: at 24 % of any of these runs."""
+    config = preset(name, task)
+    cycles = [divmod(k, config.cycles) for k in range(config.epochs * config.cycles)]
+    shares = [k / len(cycles) for k, place in enumerate(cycles) if config.paper_epoch(*place) >= 120]
+    assert shares[0] == pytest.approx(0.24, abs=1.5 / len(cycles))
+    assert config.paper_epoch(config.epochs) == 500
+
+
+@pytest.mark.parametrize("name", ["paper", "short"])
+def test_schedules_count_the_runs_own_epochs(name):
+    config = preset(name, "stack3")
+    assert [config.paper_epoch(3, cycle) for cycle in range(config.cycles)] == [3] * config.cycles
+
+
 def test_the_laptop_preset_is_shorter_for_two_blocks():
     laptop, parsed = PRESETS["laptop"], parse_train(["--out", "x", "--task", "stack2"]).config
     assert parsed == preset("laptop", "stack2")
