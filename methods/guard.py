@@ -5,6 +5,7 @@ method, its file and the update. The looks at shapes and types are free; those a
 on CUDA, where they would make the device wait, they are made every CUDA_CHECK_EVERY updates.
 """
 
+import math
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -64,6 +65,15 @@ def reward_of(method: IntrinsicReward, transitions: Transitions, update: int) ->
     if _looks_at_values(reward, update) and (found := flaw_of_values(reward)):
         raise _fault(method, update, f"reward() returned {found}")
     return reward
+
+
+def bonus_factor_of(method: IntrinsicReward, epoch: int, update: int) -> float:
+    """Factor of tau in this epoch. Raises MethodError unless it is a finite number of at least 0."""
+    with blamed(method, "bonus_factor", update):
+        factor = method.bonus_factor(epoch)
+    if not isinstance(factor, int | float) or not 0 <= factor < math.inf:
+        raise _fault(method, update, f"bonus_factor() returned {factor!r:.80}; expected a finite number of at least 0")
+    return float(factor)
 
 
 def update_of(

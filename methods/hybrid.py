@@ -125,9 +125,7 @@ class HybridAgent(SAC):
     def _values(self, inputs: PairInputs, actions: Tensor) -> Tensor:
         """Q_d(s, a_d, g) and Q_c(s, a_c, g) together (2, N), of actions (2, N, A)."""
         values = self.critics(inputs, actions).min(0).values
-        values[EXPLORE] += (
-            self.config.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
-        )
+        values[EXPLORE] += self.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
         return values
 
     @torch.no_grad()
@@ -208,7 +206,7 @@ class HybridAgent(SAC):
             "q_int": self.intrinsic_values.loss(stored_int, targets[1]),
         }
         if sample is not None:
-            own[EXPLORE] = own[EXPLORE] + self.config.tau * own_int[0][self._explores_by]
+            own[EXPLORE] = own[EXPLORE] + self.tau * own_int[0][self._explores_by]
             term = self._policy_term(transitions, batch.desired_goal[0], sample[0][EXPLORE])
             found |= self._policy_losses(own, sample[1], (None, term))
         metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
@@ -243,7 +241,7 @@ class HybridAgent(SAC):
         tried = torch.rand(shape, generator=generator).to(self.device) * 2.0 - 1.0
         (inputs,) = self.encoder.encode_rows(self._probe)
         q_ext = self.critics(inputs, tried).min(0).values
-        q_int = self.config.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
+        q_int = self.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
         self._measured = {
             "share_exploitation": self._exploited / self._acted,
             "q_ext_action_spread": q_ext.std(0, correction=0).mean().item(),

@@ -1,10 +1,11 @@
 """RE3, random encoders for exploration (Seo et al. 2021, arXiv 2102.09430): novel is what has no near neighbours.
 
     y = encoder(s'), fixed and random
-    r_int = beta_t · log(1 + ‖y - k-th nearest neighbour of y‖)        beta_t = beta · (1 - decay)^t
+    r_int = beta · log(1 + ‖y - k-th nearest neighbour of y‖)
+    tau_t = tau · (1 - decay)^t                            its weight, once normalised; t counts the authors' updates
 
 an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble
-those between states; as nothing is trained, the reward changes only with what was visited. t counts updates.
+those between states; as nothing is trained, the reward changes only with what was visited.
 
 Differences from the authors' code (younggyoseo/RE3), which works on images with RAD, Dreamer and A2C:
 
@@ -17,14 +18,12 @@ Differences from the authors' code (younggyoseo/RE3), which works on images with
   the last state of an episode counts too.
 - A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far
   states would look alike.
-- beta is constant unless `decay` is set: the agent normalises by running moments, and a reward that fades beside its
-  own past turns into a constant penalty. (The authors divide by a running standard deviation first and multiply by
-  beta_t = 0.05 · (1 - 1e-5)^t after.)
+- The weight decays over a run as over theirs, whatever the run's length. They divide by a running standard deviation,
+  then multiply by 0.05 · (1 - 1e-5)^t (`beta` in rad_re3/re3.py), t up to 250,000: 500,000 frames, two an action.
 - log(1 + distance) as in the paper; their code takes the distance itself in RAD.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -34,6 +33,9 @@ from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
 from curiobench.methods.settings import check_positive
 
+UPDATES_AN_EPOCH = 500
+"""Of the authors' 250,000, when a run has 500 epochs."""
+
 
 @dataclass(frozen=True)
 class RE3Config:
@@ -42,9 +44,10 @@ class RE3Config:
     k: int = 3
     """Which neighbour the distance is taken to, the state itself not counted; the paper's."""
     beta: float = 1.0
-    """Scale of the reward before decay. No effect in the combined reward, which is normalised."""
-    decay: float = 0.0
-    """Share of the scale that is lost at each update, in [0, 1); the authors' code has 1e-5."""
+    """Scale of the reward. No effect in the combined reward, which is normalised."""
+    decay: float = 1e-5
+    """Share of the weight that is lost at each of the authors' 250,000 updates, in [0, 1); theirs. Over a run of any
+    length the weight falls to 0.08."""
     hidden: int = 128
     """Units in the encoder's hidden layer."""
     features: int = 50
@@ -65,31 +68,19 @@ class RE3(LearnedReward):
     _STATEFUL = ("encoder",)
 
     def __init__(self, state_size: int, action_size: int, config: RE3Config, generator: torch.Generator) -> None:
-        self.config, self.updates = config, 0
+        self.config = config
         self.encoder = perceptron([state_size, config.hidden, config.features], generator).requires_grad_(False)
 
-    @property
-    def scale(self) -> float:
-        """beta_t."""
-        return self.config.beta * (1 - self.config.decay) ** self.updates
+    def bonus_factor(self, epoch: int) -> float:
+        """(1 - decay)^t."""
+        return (1 - self.config.decay) ** (UPDATES_AN_EPOCH * epoch)
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,) from the distances within the batch. Raises ValueError if it has no more than k transitions."""
         distances = neighbour_distances(self.encoder(transitions.next_state), self.config.k)
-        return self.scale * distances[:, -1].log1p()
+        return self.config.beta * distances[:, -1].log1p()
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
-        """Nothing is trained; t advances. Metrics: re3_scale, the beta_t of this batch."""
-        scale = self.scale
-        self.updates += 1
-        return {"re3_scale": torch.tensor(scale)}
-
-    def state_dict(self) -> dict[str, Any]:
-        """The encoder and t."""
-        return super().state_dict() | {"updates": self.updates}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
-        super().load_state_dict(state)
-        self.updates = state["updates"]
+        """Nothing is trained. Metrics: re3_factor, (1 - decay)^t."""
+        return {"re3_factor": torch.tensor(self.bonus_factor(transitions.epoch))}

@@ -5,7 +5,7 @@ A method does not know which agent uses it, and the agent does not know which me
     transitions = Transitions(normalised states, actions, normalised next states, epoch)
     r_int = method.reward(transitions)          # before the method learns from this very batch
     metrics = method.update(transitions)
-    r = r_ext + tau · normalise(r_int)          # by past statistics of r_int
+    r = r_ext + tau · method.bonus_factor(epoch) · normalise(r_int)    # by past statistics of r_int
 """
 
 from abc import ABC, abstractmethod
@@ -102,6 +102,13 @@ class IntrinsicReward(ABC):
     @abstractmethod
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
         """One gradient step on the method's own networks (or none). Metrics by name, as scalar tensors."""
+
+    def bonus_factor(self, epoch: int) -> float:
+        """Factor of tau in an epoch of the paper's 500, at least 0: for a bonus that is to fade (RE3).
+
+        A factor within `reward` would do nothing of the kind, since rewards are normalised after it.
+        """
+        return 1.0
 
     def policy_loss_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
         """Optional (B,), added to log pi(a | s, g) in the policy's loss; None for all methods but DAC.

@@ -6,6 +6,7 @@
     policy     : mean of alpha · log pi(a | s, g) - min_k Q_k(s, a, g),              a ~ pi
     temperature: mean of -log alpha · (log pi(a | s, g) + target entropy)            (only if tuned)
     r          = r_ext + tau · n(r_int)                                              (r_ext alone without a method)
+                 (tau times the method's factor, which is 1 but for RE3)
 
 Every transition bootstraps: episodes end by time limit only. Targets are not clipped: with r_ext in {0, 1} the reward's
 part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower bound and r_int may be negative.
@@ -26,6 +27,7 @@ from curiobench.methods.guard import (
     CUDA_CHECK_EVERY,
     NonFiniteError,
     blamed,
+    bonus_factor_of,
     policy_term_of,
     reward_of,
     state_of,
@@ -73,6 +75,8 @@ class SAC:
         self._train([*self.actor.parameters(), *self.critics.parameters()])
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
         self.updates = 0
+        self.bonus_factor = 1.0
+        """The curiosity method's factor of tau, as of the last update."""
         self._static: StaticBatch | None = None
         self._learned: tuple[str, ...] | None = None  # names of the curiosity method's metrics
 
@@ -174,7 +178,7 @@ class SAC:
         if self.intrinsic is not None:
             transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
             _, normalised, learned = self._curiosity(self.intrinsic, transitions)
-            batch.reward.add_(normalised, alpha=self.config.tau)
+            batch.reward.add_(normalised, alpha=self.tau)
             metrics |= learned
         target = self._target(next_inputs, batch.reward, noise[0])
         losses, more = self._losses(inputs, batch, target, sample if acts else None, transitions)
@@ -207,6 +211,11 @@ class SAC:
         return Transitions(states[0], batch.action, states[1], epoch, view)
 
     @property
+    def tau(self) -> float:
+        """Weight of curiosity now."""
+        return self.config.tau * self.bonus_factor
+
+    @property
     def _shows_policy(self) -> bool:
         """Whether the curiosity method asks for a view of the policy."""
         return self.intrinsic is not None and self.intrinsic.uses_policy
@@ -214,6 +223,7 @@ class SAC:
     @torch.no_grad()
     def _curiosity(self, method: IntrinsicReward, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
         """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
+        self.bonus_factor = bonus_factor_of(method, transitions.epoch, self.updates)
         raw = reward_of(method, transitions, self.updates)
         normalised = self.reward_moments.normalise(raw)
         self.reward_moments.update(raw)
@@ -222,7 +232,7 @@ class SAC:
         metrics = {
             "intrinsic_raw": raw.mean(),
             "intrinsic_normalised": normalised.mean(),
-            "bonus_spread": self.config.tau * normalised.std(correction=0),
+            "bonus_spread": self.tau * normalised.std(correction=0),
         }
         return raw, normalised, metrics | learned
 
@@ -280,6 +290,7 @@ class SAC:
         state["intrinsic"] = None if self.intrinsic is None else state_of(self.intrinsic, self.updates)
         state |= {
             "updates": self.updates,
+            "bonus_factor": self.bonus_factor,
             "generator": self.generator.get_state(),
             "log_alpha": self.log_alpha.detach(),
         }
@@ -296,7 +307,7 @@ class SAC:
         state = copy.deepcopy(state)  # the optimiser keeps what it is given
         for name in self._STATEFUL:
             getattr(self, name).load_state_dict(state[name])
-        self.updates = state["updates"]
+        self.updates, self.bonus_factor = state["updates"], state["bonus_factor"]
         self.generator.set_state(state["generator"])
         self.log_alpha.data.copy_(state["log_alpha"])
         if self.intrinsic is not None:

@@ -17,7 +17,7 @@ from test_sac_learning import two_state_batch
 from curiobench.methods.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS, HybridAgent
 from curiobench.methods.pairs import PairInputs
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import NonFiniteError
+from curiobench.methods.sac import SAC, NonFiniteError
 from curiobench.methods.settings import HybridConfig, SACConfig
 
 
@@ -71,6 +71,31 @@ def test_exploitation_learns_what_sac_learns_from_the_same_batches(tau, tune_tem
     torch.testing.assert_close([*hybrid.critics.parameters()], [*sac.critics.parameters()], **tolerance)
     np.testing.assert_allclose(hybrid.act(*raw_of(batch), True), sac.act(*raw_of(batch), True), **tolerance)
     assert equal(of_policy(hybrid, EXPLORE), of_policy(hybrid, EXPLOIT)) == (tau == 0)
+
+
+class Fading(Counting):
+    """Its bonus is worth a quarter in every epoch."""
+
+    def bonus_factor(self, epoch: int) -> float:
+        return 0.25
+
+
+@pytest.mark.parametrize("hm", [False, True], ids=["sac", "hybrid"])
+def test_a_methods_factor_is_one_of_tau_also_after_a_resume(hm):
+    def agent(method: type[Counting], tau: float) -> SAC:
+        curiosity = method(0, 0, Counting.Config(), None)
+        settings = SMALL, SACConfig(hidden=16, tau=tau), torch.Generator().manual_seed(0), curiosity
+        return HybridAgent(*settings) if hm else SAC(*settings)
+
+    fading, plain, resumed = agent(Fading, 2.0), agent(Counting, 0.5), agent(Fading, 2.0)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        batch = random_batch(SMALL, 8, rng)
+        (first, of_fading), (second, of_plain) = step(fading, batch), step(plain, batch)
+        np.testing.assert_array_equal(first, second)
+        assert of_fading == of_plain
+    resumed.load_state_dict(fading.state_dict())
+    np.testing.assert_array_equal(resumed.act(*raw_of(batch)), plain.act(*raw_of(batch)))
 
 
 def with_stubs(cls: type[HybridAgent], q_d: list[float], q_c: list[float], q_int: list[float]) -> HybridAgent:

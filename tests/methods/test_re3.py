@@ -42,17 +42,14 @@ def test_mistakes_fail_the_values(old, new):
     assert not np.allclose(method.reward(batch), expected(method, batch.next_state, 3), rtol=0.05)
 
 
-def test_scale_decays_with_updates_and_not_with_rewards():
-    def scales(cls: type[RE3]) -> list[float]:
-        method, batch, found = some_method(cls, beta=2.0, decay=0.5), random_transitions(8), []
-        for _ in range(3):
-            method.reward(batch)
-            found.append(method.update(batch)["re3_scale"].item())
-        return found
-
-    assert scales(RE3) == [2.0, 1.0, 0.5]
-    counting_rewards = mutated(RE3, "distances = ", "self.updates += 1; distances = ")
-    assert scales(counting_rewards) != [2.0, 1.0, 0.5]
+def test_the_weight_decays_as_over_the_authors_updates():
+    """500 of their updates an epoch of a run of 500; the reward itself does not fade."""
+    method = some_method(decay=1e-5)
+    assert method.bonus_factor(0) == 1
+    assert method.bonus_factor(100) == pytest.approx(np.exp(50_000 * np.log1p(-1e-5)))
+    early, late = random_transitions(8, epoch=0), random_transitions(8, epoch=400)
+    assert torch.equal(method.reward(early), method.reward(late))
+    assert method.update(late)["re3_factor"].item() == pytest.approx(method.bonus_factor(400))
 
 
 def test_encoder_never_changes():
