@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_h
 import tyro
 
 from curiobench.methods.settings import HybridConfig, SACConfig, check_option
+from curiobench.methods.specs import canonical, split
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
+
+_SEES_ADDED_LATER = ("rnd", "re3", "mi")
+"""Methods whose settings of older runs lack `sees`, which then was "full"."""
 
 PAPER_EPOCHS = 500
 """Epochs of the paper's runs, in which it gives its schedules."""
@@ -191,7 +195,10 @@ class RunConfig:
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
         config = _build(cls, values, "")
-        return config if settings is None else replace(config, method_config=_settings(config.method, settings))
+        if settings is None:
+            return config
+        settings = _with_later_settings(config.method, settings)
+        return replace(config, method_config=_settings(config.method, settings))
 
     def decisive(self) -> dict[str, Any]:
         """The part of `to_json` that decides the numbers: all but the machine's."""
@@ -340,7 +347,14 @@ def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
             filled.setdefault(name, defaults[name])
         elif isinstance(filled.get(group), dict):
             filled[group] = {field_name: defaults[group][field_name]} | filled[group]
-    return filled
+    return filled | {"method_config": _with_later_settings(filled.get("method"), filled["method_config"])}
+
+
+def _with_later_settings(method: Any, settings: Any) -> Any:
+    """Plain settings of a method, with `sees` where they are older than that."""
+    if isinstance(settings, dict) and isinstance(method, str) and split(canonical(method))[0] in _SEES_ADDED_LATER:
+        return {"sees": "full"} | settings
+    return settings
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:

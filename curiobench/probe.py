@@ -159,7 +159,8 @@ def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
     static.load(batch)
     inputs, next_inputs = agent.encoder.encode_rows(static.rows)
     view = _view(agent, inputs, static) if agent.intrinsic.uses_policy else None
-    return Transitions(inputs.state, static.action, next_inputs.state, epoch, view)
+    before, after = agent.visible(inputs.state), agent.visible(next_inputs.state)
+    return Transitions(before, static.action, after, epoch, view)
 
 
 def _view(agent: SAC, inputs: PairInputs, batch: StaticBatch) -> PolicyView:

@@ -41,7 +41,7 @@ from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import check_positive
+from curiobench.methods.settings import Sees, check_option, check_positive
 
 LEAST_SPREAD = 0.1
 """Lower bound of sigma_C in lambda, in nats. While D_G is still flat, r_C is 0 everywhere and sigma_C too: the first
@@ -68,9 +68,13 @@ class MIConfig:
     """Lower end of the density's log-std: errors below 5 % of a dimension's usual spread count as none."""
     max_log_std: float = 2.0
     """Upper end: a standard deviation beyond the clipped range of normalised states says nothing more."""
+    sees: Sees = "full"
+    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
+    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "m", "hidden", "learning_rate")
+        check_option(self, "sees", Sees)
         if not 0 < self.xi < 1:
             raise ValueError(f"xi is {self.xi}; it must lie in (0, 1), without its ends")
         if not 0 <= self.beta <= 1:
@@ -89,7 +93,7 @@ class MI(LearnedReward):
     _STATEFUL = ("density", "optimiser", "moments")
 
     def __init__(self, state_size: int, action_size: int, config: MIConfig, generator: torch.Generator) -> None:
-        self.config = config
+        self.config, self.sees = config, config.sees
         sizes = [state_size + action_size, config.hidden, config.hidden, 2 * state_size]
         self.density = perceptron(sizes, generator, out_gain=0.1)
         self.optimiser = adam([self.density], config.learning_rate)

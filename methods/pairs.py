@@ -13,7 +13,7 @@ from torch import Tensor
 
 from curiobench.methods import fused, near_field
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.settings import PairMode, SACConfig
+from curiobench.methods.settings import PairMode, SACConfig, Sees
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PairLayout:
     pairs: tuple[tuple[int, int, int, int, int], ...]
     """For each i < j: (i, j, index of close(i, j), index of on(i, j), index of on(j, i)) in the goal."""
     body_size: int = 10
-    """Numbers that describe the hand, at the front of the observation."""
+    """Numbers that describe the hand, at the front of the observation; first its position (3, metres)."""
     block_size: int = 15
     """Numbers that describe each block: its position (3, metres), its position less the hand's (3), and the rest."""
     action_size: int = 4
@@ -59,6 +59,13 @@ class PairLayout:
     def observation_size(self) -> int:
         """Length of a flat observation."""
         return self.body_size + self.n_blocks * self.block_size
+
+    def columns(self, sees: Sees) -> list[int]:
+        """Columns of an observation that a curiosity method is shown; positions (3 each) are absolute."""
+        if sees == "full":
+            return list(range(self.observation_size))
+        starts = [self.body_size + k * self.block_size for k in range(self.n_blocks)]
+        return [start + axis for start in ([0] if sees == "positions" else []) + starts for axis in range(3)]
 
     @property
     def goal_size(self) -> int:

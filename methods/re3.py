@@ -31,7 +31,7 @@ from torch import Tensor
 from curiobench.methods.learned import LearnedReward, perceptron
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import check_positive
+from curiobench.methods.settings import Sees, check_option, check_positive
 
 UPDATES_AN_EPOCH = 500
 """Of the authors' 250,000, when a run has 500 epochs."""
@@ -52,9 +52,13 @@ class RE3Config:
     """Units in the encoder's hidden layer."""
     features: int = 50
     """Outputs of the encoder; the authors'."""
+    sees: Sees = "full"
+    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
+    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "beta", "hidden", "features")
+        check_option(self, "sees", Sees)
         if not 0 <= self.decay < 1:
             raise ValueError(f"decay is {self.decay}; it must lie in [0, 1)")
 
@@ -68,7 +72,7 @@ class RE3(LearnedReward):
     _STATEFUL = ("encoder",)
 
     def __init__(self, state_size: int, action_size: int, config: RE3Config, generator: torch.Generator) -> None:
-        self.config = config
+        self.config, self.sees = config, config.sees
         self.encoder = perceptron([state_size, config.hidden, config.features], generator).requires_grad_(False)
 
     def bonus_factor(self, epoch: int) -> float:

@@ -103,8 +103,9 @@ def make_agent(
 
 def _build(parsed: MethodSpec, layout: PairLayout, settings: object, generator: torch.Generator) -> IntrinsicReward:
     goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
+    state_size = len(layout.columns(getattr(settings, "sees", "full")))
     try:
-        return parsed.reward(layout.observation_size, layout.action_size, settings, generator, **goals)
+        return parsed.reward(state_size, layout.action_size, settings, generator, **goals)
     except Exception as error:
         where = f"method {parsed.text!r} in {file_of(parsed.reward)}"
         raise ValueError(f"{where}: building it raised {summary(error)}") from error

@@ -17,6 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from curiobench.methods.settings import Sees
+
 
 @dataclass(frozen=True)
 class Batch:
@@ -94,6 +96,10 @@ class IntrinsicReward(ABC):
     uses_policy: ClassVar[bool] = False
     """Ask the agent for a `PolicyView`. Its reward may then change with the goal: DAC needs that, a method that scores
     states must not."""
+
+    sees: Sees = "full"
+    """What of the state the agent puts into `Transitions`. A method with a setting of that name takes it from there,
+    and its `state_size` is that of what it sees."""
 
     @abstractmethod
     def reward(self, transitions: Transitions) -> Tensor:

@@ -26,7 +26,7 @@ from torch import Tensor
 
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import check_positive
+from curiobench.methods.settings import Sees, check_option, check_positive
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,13 @@ class RNDConfig:
     """Outputs of target and predictor; the paper has 512, for images."""
     learning_rate: float = 1e-4
     """Adam's learning rate of the predictor; the paper's."""
+    sees: Sees = "full"
+    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
+    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "hidden", "features", "learning_rate")
+        check_option(self, "sees", Sees)
 
 
 class RND(LearnedReward):
@@ -53,6 +57,7 @@ class RND(LearnedReward):
     _STATEFUL = ("target", "predictor", "optimiser")
 
     def __init__(self, state_size: int, action_size: int, config: RNDConfig, generator: torch.Generator) -> None:
+        self.sees = config.sees
         hidden, features = config.hidden, config.features
         self.target = perceptron([state_size, hidden, features], generator).requires_grad_(False)
         self.predictor = perceptron([state_size, hidden, hidden, features], generator)

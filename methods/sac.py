@@ -74,6 +74,7 @@ class SAC:
         self.reward_moments = RunningMoments((), min_std=1e-8, window=config.reward_window, device=self.device)
         self._train([*self.actor.parameters(), *self.critics.parameters()])
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
+        self._seen = None if intrinsic is None or intrinsic.sees == "full" else layout.columns(intrinsic.sees)
         self.updates = 0
         self.bonus_factor = 1.0
         """The curiosity method's factor of tau, as of the last update."""
@@ -208,7 +209,12 @@ class SAC:
         """What the curiosity method sees, from states (B, D) before and after the step and the policy that explores."""
         shown = self._shows_policy
         view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if shown else None
-        return Transitions(states[0], batch.action, states[1], epoch, view)
+        before, after = map(self.visible, states)
+        return Transitions(before, batch.action, after, epoch, view)
+
+    def visible(self, state: Tensor) -> Tensor:
+        """What the curiosity method sees (B, S) of normalised states (B, D)."""
+        return state if self._seen is None else state[:, self._seen]
 
     @property
     def tau(self) -> float:

@@ -13,6 +13,9 @@ Network = Literal["deep_sets", "pair_attention"]
 Features = Literal["state", "near_field"]
 """What actor and critics see of a pair: the paper's state alone, or with it short distances and differences of bits."""
 
+Sees = Literal["full", "positions", "blocks"]
+"""What of the state a method of state novelty is shown: all, positions of hand and blocks, or of blocks alone."""
+
 QIntNormalisation = Literal["popart", "zscore"]
 """Whose outputs are normalised: those of Q_int (PopArt), or the reward that it learns from."""
 

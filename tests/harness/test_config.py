@@ -14,6 +14,7 @@ from curiobench.config import (
     RunConfig,
     differences,
     preset,
+    with_later_fields,
 )
 from curiobench.methods.settings import HybridConfig
 from curiobench.train_arguments import parse_train
@@ -220,3 +221,12 @@ def test_settings_of_another_method_are_refused():
         RunConfig.from_json(values)
     with pytest.raises(ValueError, match="sac has no settings"):
         RunConfig.from_json(rnd.to_json() | {"method": "sac"})
+
+
+@pytest.mark.parametrize("method", ["rnd", "re3+hm", "mihm"])
+def test_settings_of_before_sees_are_read_as_full(method):
+    config = RunConfig(method=method)
+    older = config.to_json()
+    del older["method_config"]["sees"]
+    assert RunConfig.from_json(older) == config
+    assert with_later_fields(older) == config.to_json()

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import torch
 from curiosity import fresh, random_transitions
-from layouts import SMALL
+from layouts import SMALL, layout_of
 from test_sac import random_batch, same_state
 
 from curiobench.methods.registry import REWARDS, make_agent
+from curiobench.methods.reward import Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.settings import HybridConfig, SACConfig
 
@@ -186,3 +187,29 @@ def test_page_gives_the_defaults_and_the_logged_names(spec):
     adapted = {"adapt_alpha": True} if spec == "dac" else {}
     assert logged == fresh(REWARDS[spec], **adapted).update(random_transitions()).keys()
     assert REWARDS[spec].paper.split()[-1] in page
+
+
+SEEN = {"positions": [0, 1, 2, 10, 11, 12, 25, 26, 27], "blocks": [10, 11, 12, 25, 26, 27]}
+"""Columns of a stack2 observation."""
+
+
+@pytest.mark.parametrize("spec", ["rnd", "re3", "mi", "re3+hm"])
+@pytest.mark.parametrize("sees", SEEN)
+def test_a_method_sees_nothing_but_what_it_is_set_to(spec, sees):
+    """Numbers in other columns change no reward; those in each of its own do."""
+    layout, rng = layout_of(2), np.random.default_rng(0)
+    settings = REWARDS[spec.partition("+")[0]].Config(sees=sees)
+    agent = make_agent(spec, layout, SACConfig(hidden=16), torch.Generator().manual_seed(0), settings=settings)
+    for _ in range(3):
+        agent.update(random_batch(layout, 16, rng))
+
+    def rewards(states: torch.Tensor) -> torch.Tensor:
+        seen = agent.visible(states)
+        return agent.intrinsic.reward(Transitions(seen, torch.zeros(16, 4), seen, 200))
+
+    states = torch.from_numpy(rng.normal(size=(16, layout.observation_size))).float()
+    before = rewards(states)
+    for column in range(layout.observation_size):
+        changed = states.clone()
+        changed[:, column] += torch.linspace(-1, 1, 16)
+        assert torch.equal(rewards(changed), before) == (column not in SEEN[sees])
