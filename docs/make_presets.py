@@ -1,4 +1,4 @@
-"""Writes the tables of docs/presets.md from the runs kept in results/agent: `make presets`."""
+"""Writes the tables of docs/presets.md, and one of the README, from the runs kept in results/agent: `make presets`."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -48,6 +48,22 @@ def curve_table(runs: Iterable[Path]) -> str:
     return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], table)
 
 
+def learned_table(runs: Iterable[Path]) -> str:
+    """A row a run: goals learned at its end, by layer and in all, mean success, and minutes."""
+    table = []
+    for run in runs:
+        end = read_rows(run / "progress.csv")[-1]
+        rows = evaluation(run, int(end["epoch"]))
+        found: dict[str, list[int]] = {}
+        for row in rows:
+            for group in (row["layer"], "all"):
+                found.setdefault(group, []).append(int(row["learned"]))
+        of_all = found.pop("all")
+        learned = [f"{sum(of_group)} of {len(of_group)}" for of_group in (*found.values(), of_all)]
+        table.append([run.name.rpartition("-")[2], *learned, f"{mean(rows):.2f}", f"{float(end['seconds']) / 60:.0f}"])
+    return markdown(["seed", "1 layer", "2 layers", "3 layers", "goals learned", "mean success", "minutes"], table)
+
+
 def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
     """A row a variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
     runs = {"the whole agent": list(whole)}
@@ -83,3 +99,6 @@ if __name__ == "__main__":
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))
+    readme = DOCS.parent / "README.md"
+    table = learned_table(sorted(RUNS.glob("stack3-sac-?")))
+    readme.write_text(replace_section(readme.read_text(), "plain SAC", table, command="make presets"))

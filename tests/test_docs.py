@@ -42,13 +42,3 @@ def test_scores_of_the_probes_are_those_that_were_written():
         rows = sorted(csv.DictReader(file), key=lambda row: -float(row["controllability"]))
     names = ("lifting", "falling", "controllability")
     assert told == [[row["method"], row["epoch"], *(f"{float(row[name]):+.2f}" for name in names)] for row in rows]
-
-
-def test_results_in_the_readme_are_those_of_the_published_set():
-    published = (ROOT / "results" / "v1" / "tables" / "table.md").read_text().split("\n\n")
-    titles = [part for part in published if part.startswith("**")]
-    tables = [part for part in published if part.startswith("|")]
-    of_success = [table for title, table in zip(titles, tables, strict=True) if not title.endswith(": cost**")]
-    _, _, rest = (ROOT / "README.md").read_text().partition("<!-- from results/v1/tables/table.md -->\n")
-    shown = [part.strip() for part in rest.partition("<!-- end -->")[0].split("\n\n") if part.startswith("|")]
-    assert shown == of_success
