@@ -292,7 +292,7 @@ _BY_TASK = MappingProxyType(
             "epochs": 6,
             "cycles": 40,
             "updates": 60,
-            "batch_size": 512,
+            "batch_size": 1024,
             "schedule_epochs": 6,
             "evaluate_every": 1,
             "replay": replace(_LAPTOP.replay, pursued_share=0.0),

@@ -28,7 +28,7 @@ DEAR = 2.0
 ROUNDS = 15
 """Timed rounds, of which the median counts: other processes may be at work."""
 TIMED_BATCH = 512
-"""Transitions in a timed batch; those of the laptop preset on stack2."""
+"""Transitions in a timed batch."""
 
 
 class Broken(Exception):
