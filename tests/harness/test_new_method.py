@@ -103,7 +103,7 @@ from curiobench.methods.rnd import RND
 
 class Failing(RND):
     def update(self, transitions):
-        if transitions.epoch == 1:
+        if transitions.epoch > 0:
             {fault}
         return super().update(transitions)
 """
