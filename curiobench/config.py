@@ -305,7 +305,7 @@ _BY_TASK = MappingProxyType(
 PRESET_LINES = MappingProxyType(
     {
         "paper": "the paper's full scale: 500 epochs, 40 M steps; weeks on one core",
-        "laptop": "what plain SAC needs on one core: minutes for stack2, an hour or two for stack3",
+        "laptop": "what plain SAC needs on one core: minutes for stack2, an hour for stack3",
         "short": "the former agent, which results/v1 was made with: 20 epochs",
         "smoke": "a minute: shows that everything works, learns next to nothing",
     }
