@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 CONFIG_VERSION = 1
 """Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
 
-_SEES_ADDED_LATER = ("rnd", "re3", "mi")
-"""Methods whose settings of older runs lack `sees`, which then was "full"."""
-
 PAPER_EPOCHS = 500
 """Epochs of the paper's runs, in which it gives its schedules."""
 
@@ -50,6 +47,9 @@ _ADDED_LATER = frozenset(
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
+
+_SEES_ADDED_LATER = ("rnd", "re3", "mi")
+"""Methods whose settings of older runs lack `sees`, which then was "full"."""
 
 
 def _check_at_least(config: Any, least: int, *names: str) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from make_fidelity import markdown, replace_section
 
+from curiobench.learned_goals import last_evaluation, learned_by_layer
 from curiobench.run_folder import read_rows
 
 DOCS = Path(__file__).parent
@@ -52,15 +53,11 @@ def learned_table(runs: Iterable[Path]) -> str:
     """A row a run: goals learned at its end, by layer and in all, mean success, and minutes."""
     table = []
     for run in runs:
-        end = read_rows(run / "progress.csv")[-1]
-        rows = evaluation(run, int(end["epoch"]))
-        found: dict[str, list[int]] = {}
-        for row in rows:
-            for group in (row["layer"], "all"):
-                found.setdefault(group, []).append(int(row["learned"]))
-        of_all = found.pop("all")
-        learned = [f"{sum(of_group)} of {len(of_group)}" for of_group in (*found.values(), of_all)]
-        table.append([run.name.rpartition("-")[2], *learned, f"{mean(rows):.2f}", f"{float(end['seconds']) / 60:.0f}"])
+        minutes = f"{float(read_rows(run / 'progress.csv')[-1]['seconds']) / 60:.0f}"
+        rows = last_evaluation(read_rows(run / "evaluations.csv"))
+        layers = learned_by_layer(rows).values()
+        learned = [f"{of_layer} of {goals}" for of_layer, goals in (*layers, map(sum, zip(*layers, strict=True)))]
+        table.append([run.name.rpartition("-")[2], *learned, f"{mean(rows):.2f}", minutes])
     return markdown(["seed", "1 layer", "2 layers", "3 layers", "goals learned", "mean success", "minutes"], table)
 
 

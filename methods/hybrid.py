@@ -29,7 +29,7 @@ from torch import Tensor, nn
 
 from curiobench.methods.capture import StaticBatch
 from curiobench.methods.intrinsic_value import MEMBERS, IntrinsicValues
-from curiobench.methods.losses import Metrics, bootstrapped_target, critic_loss, policy_loss, temperature_loss
+from curiobench.methods.losses import Metrics, critic_loss, policy_loss, temperature_loss
 from curiobench.methods.networks import LOG_STD_RANGE, Actor, squashed_gaussian
 from curiobench.methods.pairs import PairInputs, PairLayout
 from curiobench.methods.reward import IntrinsicReward, Transitions
@@ -176,8 +176,7 @@ class HybridAgent(SAC):
         """Targets of Q_ext (B,) and of both Q_int (2, B), from r_ext and r_int, raw and z-scored, each (B,)."""
         actions, log_probs = self.actor.sample(next_inputs, noise)
         next_values = self.target_critics(next_inputs, actions[:EXPLORE]).squeeze(1)
-        alpha = self.log_alpha[EXPLOIT].exp() if self.config.entropy_in_targets else None
-        target = bootstrapped_target(reward, next_values, self.config.gamma, log_probs[EXPLOIT], alpha)
+        target = self._bootstrapped(reward, next_values, log_probs[EXPLOIT], self.log_alpha[EXPLOIT])
         of_curiosity = self.intrinsic_values.targets(next_inputs.state, actions[EXPLORE], *curiosity)
         if self.device.type == "cpu":  # before PopArt writes them into weights
             self._check({"target of q_int": of_curiosity.sum()})

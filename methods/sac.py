@@ -247,7 +247,11 @@ class SAC:
         """Bootstrapped targets (B,) of both critics."""
         next_action, next_log_prob = self.actor.sample(next_inputs, noise)
         next_values = self.target_critics(next_inputs, next_action.unsqueeze(0)).squeeze(1)
-        alpha = self.log_alpha.exp() if self.config.entropy_in_targets else None
+        return self._bootstrapped(reward, next_values, next_log_prob, self.log_alpha)
+
+    def _bootstrapped(self, reward: Tensor, next_values: Tensor, next_log_prob: Tensor, log_alpha: Tensor) -> Tensor:
+        """Targets (B,) as `bootstrapped_target` has them, with or without entropy as the config says."""
+        alpha = log_alpha.exp() if self.config.entropy_in_targets else None
         return bootstrapped_target(reward, next_values, self.config.gamma, next_log_prob, alpha)
 
     def _losses(
