@@ -296,7 +296,7 @@ _BY_TASK = MappingProxyType(
             "schedule_epochs": 6,
             "evaluate_every": 1,
             "replay": replace(_LAPTOP.replay, pursued_share=0.0),
-            "sac": replace(_LAPTOP.sac, decay_updates=None),
+            "sac": replace(_LAPTOP.sac, decay_updates=14_400),
         }
     }
 )
