@@ -44,13 +44,18 @@ class Subject:
         return method
 
     def transitions(self, seed: int, size: int = BATCH) -> Transitions:
-        """Noise, equal for equal seeds, in tensors of its own; with a policy's view if the method asks for one."""
+        """Noise, equal for equal seeds, in tensors of its own; with a policy's view and particles if asked for."""
         generator = torch.Generator().manual_seed(seed)
         observation, action = self.layout.observation_size, self.layout.action_size
         states = [torch.randn((size, observation), generator=generator).clamp(-5, 5) for _ in range(2)]
         stored = torch.rand((size, action), generator=generator) * 2 - 1
         view = self.view(seed, size) if self.method.uses_policy else None
-        return Transitions(states[0], stored, states[1], epoch=3, policy=view)
+        return Transitions(states[0], stored, states[1], epoch=3, policy=view, particles=self.particles(seed))
+
+    def particles(self, seed: int) -> Tensor | None:
+        """As many states as the method asks for."""
+        size = self.fresh().n_particles, self.layout.observation_size
+        return torch.randn(size, generator=torch.Generator().manual_seed(200 + seed)) if size[0] else None
 
     def view(self, seed: int, size: int = BATCH) -> PolicyView:
         """Of a uniformly random policy that pursues random goals."""
@@ -68,7 +73,8 @@ class Subject:
         generator = torch.Generator().manual_seed(0)
         seen = self.transitions(0, size)
         goals = [self.goals(generator, size) for _ in range(3)]
-        return Batch(seen.state, seen.action, seen.next_state, *goals, torch.rand(size, generator=generator).round())
+        reward = torch.rand(size, generator=generator).round()
+        return Batch(seen.state, seen.action, seen.next_state, *goals, reward, seen.particles)
 
     def agent(self, method: IntrinsicReward | None = None) -> SAC:
         """A small agent, as the preset short has it."""

@@ -4,7 +4,7 @@ The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is meas
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -99,12 +99,12 @@ def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[lis
 
 
 def own_transitions(run: ProbedRun, seed: int) -> Batch:
-    """Transitions of a run's own replay, drawn as its last batches were: one fewer than `score_one_by_one` looks at.
+    """Transitions and particles of a run's own replay, drawn as its last batches were; one transition fewer.
 
     Raises ValueError where the replay is gone or damaged.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
-    return Batch.from_numpy(run.load_replay().sample(others(run), generator))
+    return Batch.from_numpy(run.load_replay().sample(others(run), generator, run.agent.n_particles))
 
 
 def others(run: ProbedRun) -> int:
@@ -119,7 +119,7 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
     Args:
         run: whose agent is asked.
         played: N episodes.
-        reference: at least `others(run)` transitions.
+        reference: at least `others(run)` transitions and, unless it holds particles, `run.agent.n_particles`.
 
     Raises:
         ValueError: the method raised or gave a reward that is none; names the method and its file.
@@ -141,11 +141,15 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
 def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.Tensor:
     """r_int (B,), raw, of probed transitions, each scored in a batch of its own with the same reference transitions.
 
-    Some methods (RE3, MI) look for a transition's neighbours in its batch. Scored together, the steps of an episode
-    would be each other's neighbours, and a reward would depend on how long the block rests afterwards.
+    A method from outside may compare a transition with others of its batch. Scored together, the steps of an episode
+    would be compared with each other, and a reward would depend on how long the block rests afterwards.
     """
-    n, size = len(probed.reward), others(run)
-    together = Batch(*(torch.cat([getattr(b, f.name) for b in (probed, reference)])[: n + size] for f in fields(Batch)))
+    n, size, n_particles = len(probed.reward), others(run), run.agent.n_particles
+    parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name != "particles"}
+    together = Batch(**{name: torch.cat(both)[: n + size] for name, both in parts.items()})
+    if n_particles:
+        states = reference.next_observation[-n_particles:] if reference.particles is None else reference.particles
+        together = replace(together, particles=states)
     epoch = run.config.paper_epoch(run.epoch) if run.asked_as_of is None else run.asked_as_of
     seen = what_method_sees(run.agent, together, epoch)
     rest = torch.arange(n, n + size)
@@ -160,7 +164,8 @@ def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
     inputs, next_inputs = agent.encoder.encode_rows(static.rows)
     view = _view(agent, inputs, static) if agent.intrinsic.uses_policy else None
     before, after = agent.visible(inputs.state), agent.visible(next_inputs.state)
-    return Transitions(before, static.action, after, epoch, view)
+    particles = None if static.particles is None else agent.visible(agent.encoder.normalise(static.particles))
+    return Transitions(before, static.action, after, epoch, view, particles)
 
 
 def _view(agent: SAC, inputs: PairInputs, batch: StaticBatch) -> PolicyView:

@@ -171,11 +171,13 @@ class EpisodeReplay:
         kinds = arrival_kinds(achieved[slot, step - 1], achieved[slot, step], self._on_bits)
         return KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
 
-    def sample(self, batch_size: int, generator: np.random.Generator) -> dict[str, np.ndarray]:
-        """Draw transitions. Needs at least one episode, else raises ValueError.
+    def sample(
+        self, batch_size: int, generator: np.random.Generator, n_particles: int = 0
+    ) -> dict[str, np.ndarray | None]:
+        """Draw transitions and, if wanted, particles. Needs at least one episode, else raises ValueError.
 
         Returns contiguous arrays named like the fields of `curiobench.methods.reward.Batch`: observations (B, D),
-        actions (B, A) and rewards (B,) float32, goals (B, bits) uint8.
+        actions (B, A) and rewards (B,) float32, goals (B, bits) uint8; particles (P, D) float32 or None.
         """
         if not len(self):
             raise ValueError("the replay is empty")
@@ -194,7 +196,13 @@ class EpisodeReplay:
             "next_achieved_goal": next_achieved,
             "desired_goal": desired,
             "reward": np.asarray(self.compute_reward(next_achieved, desired, None), np.float32),
+            "particles": self._draw_states(n_particles, generator) if n_particles else None,
         }
+
+    def _draw_states(self, size: int, generator: np.random.Generator) -> np.ndarray:
+        """`size` observations (size, D), uniformly over all that a step led to."""
+        slot, step = generator.integers(len(self), size=size), generator.integers(1, self.steps + 1, size=size)
+        return self.arrays["observation"][slot, step]
 
     def save(self, folder: Path) -> str:
         """Write the episodes added since the last save, then a manifest of the whole state; see `EpisodeFiles`.

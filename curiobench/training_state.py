@@ -175,7 +175,8 @@ class TrainingState:
         counts: Counter[str] = Counter()
         for _ in range(self.config.updates):
             with self.counters.timed("sampling"):
-                batch = Batch.from_numpy(self.replay.sample(self.config.batch_size, self._generators["replay"]))
+                sizes = self.config.batch_size, self._generators["replay"], self.agent.n_particles
+                batch = Batch.from_numpy(self.replay.sample(*sizes))
             with self.counters.timed("updating"):
                 metrics = self.agent.update(batch, epoch)
                 # summed as tensors: reading each one would make a GPU wait

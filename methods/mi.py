@@ -3,7 +3,7 @@
 The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are
 estimated apart and added with weights of their own:
 
-    curiosity         r_H = log(m + mean over the k nearest neighbours of ‖s' - s'_nn‖)                  (Eq. 9)
+    curiosity         r_H = log(m + mean over the k nearest particles p of ‖s' - p‖)                      (Eq. 9)
     conservativeness  r_C = log(m + D_G(s' | s, a)),  D_G a Gaussian, factored over dimensions           (Eq. 10)
     r_int  = r_H + lambda · r_C                                                                          (Eq. 11)
     lambda = min(1 - xi^epoch, beta) · sigma_H / sigma_C
@@ -16,7 +16,8 @@ and sigma_C are running standard deviations of the r_H and r_C of past batches.
 
 What the paper leaves open, and what we chose:
 
-- The particles among which neighbours are searched are the next states of the sampled minibatch.
+- The particles are drawn uniformly over the replay. The minibatch is balanced over goals: in it a state of a goal that
+  is seldom reached has as many neighbours as one of a common goal, and is no more novel.
 - D_G overflows in many dimensions, so r_C is computed as log m + softplus(log D_G - log m): softplus(log D_G) for
   m = 1. It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0: a state that the model
   does not know loses nothing but the bonus, and curiosity decides.
@@ -54,6 +55,8 @@ class MIConfig:
 
     k: int = 3
     """Nearest neighbours whose distances are averaged; the paper's."""
+    particles: int = 512
+    """States of the replay among which they are searched."""
     m: float = 1.0
     """Added inside both logarithms; the paper's."""
     xi: float = 0.99
@@ -73,7 +76,7 @@ class MIConfig:
     alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
 
     def __post_init__(self) -> None:
-        check_positive(self, "k", "m", "hidden", "learning_rate")
+        check_positive(self, "k", "m", "particles", "hidden", "learning_rate")
         check_option(self, "sees", Sees)
         if not 0 < self.xi < 1:
             raise ValueError(f"xi is {self.xi}; it must lie in (0, 1), without its ends")
@@ -93,7 +96,7 @@ class MI(LearnedReward):
     _STATEFUL = ("density", "optimiser", "moments")
 
     def __init__(self, state_size: int, action_size: int, config: MIConfig, generator: torch.Generator) -> None:
-        self.config, self.sees = config, config.sees
+        self.config, self.sees, self.n_particles = config, config.sees, config.particles
         sizes = [state_size + action_size, config.hidden, config.hidden, 2 * state_size]
         self.density = perceptron(sizes, generator, out_gain=0.1)
         self.optimiser = adam([self.density], config.learning_rate)
@@ -103,7 +106,7 @@ class MI(LearnedReward):
     def curiosity(self, transitions: Transitions) -> Tensor:
         """r_H (B,). Found once for a batch that is passed twice, to `reward` and then to `update`."""
         if self._last is None or self._last[0] is not transitions:
-            distance = neighbour_distances(transitions.next_state, self.config.k).mean(1)
+            distance = neighbour_distances(transitions.next_state, transitions.particles, self.config.k).mean(1)
             self._last = transitions, (self.config.m + distance).log()
         return self._last[1]
 
@@ -128,7 +131,7 @@ class MI(LearnedReward):
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
-        """r_int (B,). Raises ValueError if the batch has no more than k transitions."""
+        """r_int (B,). Raises ValueError if there are fewer than k particles."""
         conservativeness = self.conservativeness(self.log_density(transitions))
         curiosity = self.curiosity(transitions)
         return curiosity + self.weight(transitions.epoch).to(curiosity.dtype) * conservativeness

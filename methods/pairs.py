@@ -146,6 +146,11 @@ class PairEncoder:
         self.predicates.update(torch.stack([close, on], dim=1))
         self._refresh()
 
+    def normalise(self, observation: Tensor) -> Tensor:
+        """Observations (N, D), raw float32, as `PairInputs.state` has them."""
+        size = self.layout.observation_size
+        return ((observation - self._shift[:size]) * self._scale[:size]).clamp_(-self.body.clip, self.body.clip)
+
     def encode(self, observation: Tensor, achieved_goal: Tensor, desired_goal: Tensor) -> PairInputs:
         """Raw observations (B, D) and goals (B, bits), float32, to normalised `PairInputs`."""
         return self.encode_rows(torch.cat([observation, achieved_goal, desired_goal], dim=1).unsqueeze(0))[0]

@@ -1,7 +1,7 @@
 """RE3, random encoders for exploration (Seo et al. 2021, arXiv 2102.09430): novel is what has no near neighbours.
 
     y = encoder(s'), fixed and random
-    r_int = beta · log(1 + ‖y - k-th nearest neighbour of y‖)
+    r_int = beta · log(1 + ‖y - k-th nearest neighbour of y‖)      among the features of particles, states of the replay
     tau_t = tau · (1 - decay)^t                            its weight, once normalised; t counts the authors' updates
 
 an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble
@@ -9,11 +9,11 @@ those between states; as nothing is trained, the reward changes only with what w
 
 Differences from the authors' code (younggyoseo/RE3), which works on images with RAD, Dreamer and A2C:
 
-- Neighbours are searched in the sampled minibatch, not in the whole buffer. A minibatch is a random subset of the
-  buffer; distances in it are larger by a factor that hardly depends on the state, which the agent's normalisation
-  takes out. What is lost is fine structure: of 512 particles, the third neighbour may be far.
-- Features are therefore computed for every batch. They are the same each time, since the encoder is fixed and does
-  not normalise by itself; only the agent's running normalisation of states moves, and it settles.
+- Neighbours are searched among a uniform sample of the buffer, drawn for each batch, not in the whole buffer.
+  Distances are larger by a factor that hardly depends on the state, which the agent's normalisation takes out. What
+  is lost is fine structure: of 512 particles, the third neighbour may be far.
+- Features are computed for every batch instead of stored: the encoder is fixed, but the agent's running normalisation
+  of states moves.
 - The state that an action led to, s', is rewarded, not the one it was taken in: the same one step later, except that
   the last state of an episode counts too.
 - A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far
@@ -42,7 +42,9 @@ class RE3Config:
     """Settings of RE3."""
 
     k: int = 3
-    """Which neighbour the distance is taken to, the state itself not counted; the paper's."""
+    """Which neighbour the distance is taken to; the paper's."""
+    particles: int = 512
+    """States of the replay among which it is searched."""
     beta: float = 1.0
     """Scale of the reward. No effect in the combined reward, which is normalised."""
     decay: float = 1e-5
@@ -57,7 +59,7 @@ class RE3Config:
     alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
 
     def __post_init__(self) -> None:
-        check_positive(self, "k", "beta", "hidden", "features")
+        check_positive(self, "k", "particles", "beta", "hidden", "features")
         check_option(self, "sees", Sees)
         if not 0 <= self.decay < 1:
             raise ValueError(f"decay is {self.decay}; it must lie in [0, 1)")
@@ -72,7 +74,7 @@ class RE3(LearnedReward):
     _STATEFUL = ("encoder",)
 
     def __init__(self, state_size: int, action_size: int, config: RE3Config, generator: torch.Generator) -> None:
-        self.config, self.sees = config, config.sees
+        self.config, self.sees, self.n_particles = config, config.sees, config.particles
         self.encoder = perceptron([state_size, config.hidden, config.features], generator).requires_grad_(False)
 
     def bonus_factor(self, epoch: int) -> float:
@@ -81,8 +83,9 @@ class RE3(LearnedReward):
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
-        """r_int (B,) from the distances within the batch. Raises ValueError if it has no more than k transitions."""
-        distances = neighbour_distances(self.encoder(transitions.next_state), self.config.k)
+        """r_int (B,) from distances to particles. Raises ValueError if there are fewer than k of them."""
+        particles = None if transitions.particles is None else self.encoder(transitions.particles)
+        distances = neighbour_distances(self.encoder(transitions.next_state), particles, self.config.k)
         return self.config.beta * distances[:, -1].log1p()
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:

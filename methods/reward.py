@@ -2,7 +2,7 @@
 
 A method does not know which agent uses it, and the agent does not know which method it has. An agent does, per batch:
 
-    transitions = Transitions(normalised states, actions, normalised next states, epoch)
+    transitions = Transitions(normalised states, actions, normalised next states, epoch, ...)
     r_int = method.reward(transitions)          # before the method learns from this very batch
     metrics = method.update(transitions)
     r = r_ext + tau · method.bonus_factor(epoch) · normalise(r_int)    # by past statistics of r_int
@@ -38,11 +38,13 @@ class Batch:
     """(B, bits), relabelled or not."""
     reward: Tensor
     """(B,) r_ext of the step under `desired_goal`."""
+    particles: Tensor | None = None
+    """(P, D) observations drawn uniformly over all steps of the replay; only for a method that asks for them."""
 
     @classmethod
-    def from_numpy(cls, arrays: Mapping[str, np.ndarray]) -> "Batch":
+    def from_numpy(cls, arrays: Mapping[str, np.ndarray | None]) -> "Batch":
         """Arrays named like the fields, shared without copying. Raises TypeError on a missing or unknown name."""
-        return cls(**{name: torch.from_numpy(array) for name, array in arrays.items()})
+        return cls(**{name: None if array is None else torch.from_numpy(array) for name, array in arrays.items()})
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,15 @@ class Transitions:
     conservativeness depends on it."""
     policy: PolicyView | None = None
     """Only for a method with `uses_policy`, which then sees goals."""
+    particles: Tensor | None = None
+    """(P, D) states drawn uniformly over all steps of the replay, normalised and clipped to ±5; only for a method with
+    `n_particles`. A batch is no such sample: it is balanced over goals."""
 
     def rows(self, places: Tensor) -> "Transitions":
         """Those at places (N,) of the batch."""
         states = (part[places] for part in (self.state, self.action, self.next_state))
         view = self.policy and PolicyView(**{name: part[places] for name, part in vars(self.policy).items()})
-        return Transitions(*states, self.epoch, view)
+        return Transitions(*states, self.epoch, view, self.particles)
 
 
 class IntrinsicReward(ABC):
@@ -100,6 +105,9 @@ class IntrinsicReward(ABC):
     sees: Sees = "full"
     """What of the state the agent puts into `Transitions`. A method with a setting of that name takes it from there,
     and its `state_size` is that of what it sees."""
+
+    n_particles: int = 0
+    """How many states of the replay the agent is asked for in each batch, as `Transitions.particles`."""
 
     @abstractmethod
     def reward(self, transitions: Transitions) -> Tensor:

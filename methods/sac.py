@@ -210,11 +210,19 @@ class SAC:
         shown = self._shows_policy
         view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if shown else None
         before, after = map(self.visible, states)
-        return Transitions(before, batch.action, after, epoch, view)
+        particles = batch.particles
+        if particles is not None:
+            particles = self.visible(self.encoder.normalise(particles))
+        return Transitions(before, batch.action, after, epoch, view, particles)
 
     def visible(self, state: Tensor) -> Tensor:
         """What the curiosity method sees (B, S) of normalised states (B, D)."""
         return state if self._seen is None else state[:, self._seen]
+
+    @property
+    def n_particles(self) -> int:
+        """How many states of the replay the curiosity method wants beside each batch."""
+        return 0 if self.intrinsic is None else self.intrinsic.n_particles
 
     @property
     def tau(self) -> float:

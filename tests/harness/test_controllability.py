@@ -32,7 +32,8 @@ def trained():
         before, action, after = (arrays[name] for name in PARTS)
         states = [((state - mean) / std).clip(-5, 5) for state in (before, after)]
         tensors = (torch.as_tensor(array, dtype=torch.float32) for array in (states[0], action, states[1]))
-        return Transitions(*tensors, AT_THE_CAP)
+        tensors = list(tensors)
+        return Transitions(*tensors, AT_THE_CAP, particles=tensors[-1][:512])
 
     everything, rng = seen(data), np.random.default_rng(0)
     sizes = everything.state.shape[1], everything.action.shape[1]

@@ -138,6 +138,8 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
     start, step = 1, 7
     row = start * 50 + step
     arrays = {n: np.concatenate([a[row : row + 1], getattr(reference, n)[:15]]) for n, a in probed.items()}
+    n_particles = run.agent.n_particles
+    arrays["particles"] = reference.next_observation[-n_particles:].numpy() if n_particles else None
     batch = what_method_sees(run.agent, Batch.from_numpy(arrays), epoch=1)
     raw = run.agent.intrinsic.reward(batch)[0]
     assert reading.raw[start, step] == pytest.approx(float(raw), rel=1e-4, abs=1e-5)
@@ -163,6 +165,7 @@ def test_own_transitions_are_drawn_as_in_training(runs):
     }
     assert {row.tobytes() for row in own.observation.numpy()} <= stored
     assert own.reward.any()  # an untrained agent reaches nothing: these are hindsight's
+    assert {row.tobytes() for row in own.particles.numpy()} <= stored
     assert torch.equal(own.observation, own_transitions(run, seed=0).observation)
     assert not torch.equal(own.observation, own_transitions(run, seed=1).observation)
 

@@ -4,11 +4,15 @@ from collections import Counter
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from curiobench import files
+from curiobench.methods.mi import MI
+from curiobench.methods.re3 import RE3
+from curiobench.methods.reward import Batch, Transitions
 from curiobench.queues import Queues
 from curiobench.relabelling import KINDS, arrival_kinds, draw_arrivals
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
@@ -88,7 +92,7 @@ def test_relabelled_share():
 
 
 def test_samples_are_whole_transitions_contiguous_and_typed():
-    batch = filled(11).sample(64, np.random.default_rng(0))
+    batch = filled(11).sample(64, np.random.default_rng(0), 64)
     place = batch["observation"][:, 0]
     assert (place // 100 >= 3).all()  # episodes 0 to 2 were overwritten
     np.testing.assert_array_equal(batch["next_observation"], batch["observation"] + 1)
@@ -102,6 +106,7 @@ def test_samples_are_whole_transitions_contiguous_and_typed():
         "next_achieved_goal": "uint8",
         "desired_goal": "uint8",
         "reward": "float32",
+        "particles": "float32",
     }
 
 
@@ -337,3 +342,38 @@ def test_bad_input_is_named(tmp_path):
     for wrong_config in ({"capacity": 0}, {"relabel_share": 1.5}, {"satisfied_cap": -0.1}, {"relabelling": "past"}):
         with pytest.raises(ValueError, match=next(iter(wrong_config))):
             ReplayConfig(**wrong_config)
+
+
+def test_particles_are_uniform_over_all_that_steps_led_to():
+    """Whatever the episodes ended in; and they are drawn after the batch, which stays what it was."""
+    replay = replay_of(capacity=8)
+    replay.add(episodes_of(list(range(8)), [(0, 0)] + 7 * [(1, 1)]))
+    drawn = replay.sample(16, np.random.default_rng(0), 4_000)
+    places, counts = np.unique(drawn["particles"][:, 0], return_counts=True)
+    assert places.tolist() == [100 * episode + step for episode in range(8) for step in range(1, STEPS + 1)]
+    assert chisquare(counts).pvalue > 1e-3
+    without = replay.sample(16, np.random.default_rng(0))
+    assert without.pop("particles") is None
+    assert same(without, drawn)
+
+
+@pytest.mark.parametrize("method", [MI, RE3])
+def test_a_state_of_a_rare_goal_is_more_novel_than_one_of_a_common_goal(method):
+    """Batches hold as many of both; among the batch itself the rare one would be the less novel."""
+    rng, numbers = np.random.default_rng(0), list(range(200))
+    replay = replay_of(capacity=200)
+    base = episodes_of(numbers, [tuple(GOALS[2 if k % 40 else 1]) for k in numbers])
+    rare = np.arange(200) % 40 == 0
+    observation = rng.normal(size=base.observation.shape) + np.where(rare, 3.0, -3.0)[:, None, None]
+    replay.add(Episodes(observation.astype(np.float32), base.achieved_goal, base.action, base.desired_goal))
+    batch = Batch.from_numpy(replay.sample(400, rng, 512))
+    found = method(SIZE, ACTIONS, method.Config(), torch.Generator().manual_seed(0))
+    states = batch.observation, batch.action, batch.next_observation
+    of_rare = batch.next_observation.mean(1) > 0
+    assert 0.4 < of_rare.float().mean() < 0.6
+    gaps = []
+    for particles in (batch.particles, batch.next_observation):
+        reward = found.reward(Transitions(*states, epoch=0, particles=particles))
+        gaps.append((reward[of_rare].mean() - reward[~of_rare].mean()) / reward.std())
+    assert gaps[0] > 1
+    assert gaps[1] < 0  # its few states are drawn again and again, and are their own neighbours

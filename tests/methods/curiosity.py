@@ -10,12 +10,14 @@ from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
 
 STATE, ACTION, GOAL = 3, 2, 4
 """Sizes of states, actions and goals."""
+PARTICLES = 12
+"""States that a method is shown beside a batch."""
 
 
 def transitions_of(state, action, next_state, epoch: int = 0, policy: PolicyView | None = None) -> Transitions:
-    """From anything that numpy reads, in float32."""
-    tensors = (torch.as_tensor(np.asarray(array), dtype=torch.float32) for array in (state, action, next_state))
-    return Transitions(*tensors, epoch, policy)
+    """From anything that numpy reads, in float32; the next states are the particles, too."""
+    tensors = [torch.as_tensor(np.asarray(array), dtype=torch.float32) for array in (state, action, next_state)]
+    return Transitions(*tensors, epoch, policy, particles=tensors[-1])
 
 
 def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transitions:
@@ -27,9 +29,8 @@ def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transiti
 
     goals = torch.tensor(rng.integers(0, 2, (size, GOAL)), dtype=torch.float32)
     policy = PolicyView(goals, normal(size, ACTION).tanh(), normal(size), normal(size))
-    return Transitions(
-        normal(size, STATE), normal(size, ACTION).tanh(), normal(size, STATE).clamp(-5, 5), epoch, policy
-    )
+    parts = normal(size, STATE), normal(size, ACTION).tanh(), normal(size, STATE).clamp(-5, 5)
+    return Transitions(*parts, epoch, policy, particles=normal(PARTICLES, STATE).clamp(-5, 5))
 
 
 def fresh(method: type[IntrinsicReward], seed: int = 0, sizes: tuple[int, int] = (STATE, ACTION), **config):

@@ -205,9 +205,9 @@ def test_a_method_sees_nothing_but_what_it_is_set_to(spec, sees):
 
     def rewards(states: torch.Tensor) -> torch.Tensor:
         seen = agent.visible(states)
-        return agent.intrinsic.reward(Transitions(seen, torch.zeros(16, 4), seen, 200))
+        return agent.intrinsic.reward(Transitions(seen, torch.zeros(16, 4), seen, 200, particles=agent.visible(others)))
 
-    states = torch.from_numpy(rng.normal(size=(16, layout.observation_size))).float()
+    states, others = torch.from_numpy(rng.normal(size=(2, 16, layout.observation_size))).float()
     before = rewards(states)
     for column in range(layout.observation_size):
         changed = states.clone()

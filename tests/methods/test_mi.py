@@ -15,13 +15,11 @@ CAP_EPOCH = 120
 """First epoch in which 1 - 0.99^epoch exceeds 0.7."""
 
 
-def curiosity(next_state: np.ndarray, k: int, m: float) -> np.ndarray:
+def curiosity(batch, k: int, m: float) -> np.ndarray:
     """r_H (B,), one state at a time (Eq. 9)."""
-    rewards = []
-    for i in range(len(next_state)):
-        others = np.delete(next_state, i, axis=0)
-        rewards.append(np.log(m + np.sort(np.linalg.norm(others - next_state[i], axis=1))[:k].mean()))
-    return np.array(rewards)
+    particles = batch.particles.double().numpy()
+    distances = (np.sort(np.linalg.norm(particles - state, axis=1)) for state in batch.next_state.double().numpy())
+    return np.array([np.log(m + nearest[:k].mean()) for nearest in distances])
 
 
 def conservativeness(method: MI, batch, m: float) -> np.ndarray:
@@ -43,7 +41,7 @@ def rewards_of_three_batches(cls: type[MI], k: int = 3, m: float = 0.01) -> tupl
     shaken(method, method.density)
     for seed, epoch in ((0, 1), (1, 2), (2, 7)):
         batch = random_transitions(8, seed, epoch)
-        parts = curiosity(batch.next_state.double().numpy(), k, m), conservativeness(method, batch, m)
+        parts = curiosity(batch, k, m), conservativeness(method, batch, m)
         sigma = [np.concatenate(p).std() for p in zip(*past, strict=True)] if past else (1.0, 1.0)
         wanted.append(parts[0] + min(1 - 0.5**epoch, 0.9) * sigma[0] / max(sigma[1], 0.1) * parts[1])
         given.append(method.reward(batch).numpy())
@@ -59,10 +57,7 @@ def test_rewards_in_numpy(k, m):
 
 
 MISTAKES = {
-    "counts the state itself": (
-        "neighbour_distances(transitions.next_state, self.config.k)",
-        "torch.cdist(*[transitions.next_state] * 2).topk(self.config.k, largest=False).values",
-    ),
+    "neighbours in the batch": ("transitions.particles, self", "transitions.next_state, self"),
     "the k-th neighbour only": ("self.config.k).mean(1)", "self.config.k)[:, -1]"),
     "standard deviations swapped": ("of_curiosity, of_conservativeness = ", "of_conservativeness, of_curiosity = "),
     "statistics of this batch too": (

@@ -1,6 +1,7 @@
 """RE3: values in plain numpy, an encoder that never changes, rare states that score high."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,30 +17,31 @@ def some_method(cls: type[RE3] = RE3, **config) -> RE3:
     return shaken(method, method.encoder)
 
 
-def expected(method: RE3, next_state: torch.Tensor, k: int) -> np.ndarray:
-    """log(1 + distance to the k-th nearest other) (B,), one state at a time."""
-    features = plain(method.encoder, next_state.double().numpy())
-    rewards = []
-    for i in range(len(features)):
-        others = np.delete(features, i, axis=0)
-        rewards.append(np.log(1 + np.sort(np.linalg.norm(others - features[i], axis=1))[k - 1]))
-    return np.array(rewards)
+def expected(method: RE3, batch, k: int) -> np.ndarray:
+    """log(1 + distance to the k-th nearest particle) (B,), one state at a time."""
+    features, particles = (plain(method.encoder, s.double().numpy()) for s in (batch.next_state, batch.particles))
+    distances = (np.sort(np.linalg.norm(particles - feature, axis=1)) for feature in features)
+    return np.array([np.log(1 + nearest[k - 1]) for nearest in distances])
 
 
 @pytest.mark.parametrize("k", [1, 3])
 def test_reward_in_numpy(k):
     method, batch = some_method(k=k, beta=2.0), random_transitions(8)
-    np.testing.assert_allclose(method.reward(batch), 2 * expected(method, batch.next_state, k), rtol=1e-4)
+    np.testing.assert_allclose(method.reward(batch), 2 * expected(method, batch, k), rtol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("distances[:, -1]", "distances[:, -2]"), ("(transitions.next_state)", "(transitions.state)")],
-    ids=["counts the state itself", "state before the step"],
+    [
+        ("distances[:, -1]", "distances[:, -2]"),
+        ("(transitions.next_state)", "(transitions.state)"),
+        ("(transitions.particles)", "(transitions.next_state)"),
+    ],
+    ids=["one neighbour too near", "state before the step", "neighbours in the batch"],
 )
 def test_mistakes_fail_the_values(old, new):
     method, batch = some_method(mutated(RE3, old, new)), random_transitions(8)
-    assert not np.allclose(method.reward(batch), expected(method, batch.next_state, 3), rtol=0.05)
+    assert not np.allclose(method.reward(batch), expected(method, batch, 3), rtol=0.05)
 
 
 def test_the_weight_decays_as_over_the_authors_updates():
@@ -70,8 +72,9 @@ def test_rare_states_score_higher_than_common_ones():
     assert rewards[60:].min() > 2 * rewards[:60].max()
 
 
-def test_settings_out_of_range_and_tiny_batches_are_refused():
+def test_settings_out_of_range_and_too_few_particles_are_refused():
     with pytest.raises(ValueError, match="decay is 1"):
         RE3.Config(decay=1.0)
-    with pytest.raises(ValueError, match="k is 3; 3 points"):
-        fresh(RE3).reward(random_transitions(3))
+    batch = random_transitions(8)
+    with pytest.raises(ValueError, match=r"k is 3.* which is 2"):
+        fresh(RE3).reward(replace(batch, particles=batch.particles[:2]))

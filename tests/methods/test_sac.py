@@ -70,6 +70,7 @@ def random_batch(layout: PairLayout, size: int, rng: np.random.Generator) -> Bat
             "next_achieved_goal": bits(),
             "desired_goal": bits(),
             "reward": rng.integers(0, 2, size).astype(np.float32),
+            "particles": np.random.default_rng(0).normal(size=(512, layout.observation_size)).astype(np.float32),
         }
     )
 
