@@ -35,15 +35,15 @@ LARGEST_SEED = (1 << 31) - 1
 Starts = Literal["biased", "plain"]
 """Where training episodes start."""
 
-Curriculum = Literal["reached", "near"]
-"""Names of curricula."""
+CurriculumName = Literal["reached", "valid", "near"]
+"""Keys of `curriculum.CURRICULA`."""
 
 _ADDED_LATER = frozenset(
     (
         "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
         "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
         "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
-        "schedule_epochs",
+        "schedule_epochs", "hybrid.adaptive_tau", "hybrid.spread_ratio", "hybrid.tau_rate",
     )
 )  # fmt: skip
 """Fields that configs of older runs lack; their defaults are what those runs were."""
@@ -110,9 +110,9 @@ class RunConfig:
     table, which makes exploration hard. Test episodes start plain in any case."""
     biased_from_epoch: int = 80
     """First epoch, counted from 0, of biased starts."""
-    curriculum: Curriculum = "reached"
-    """Which goals training episodes pursue: uniform over those reached so far (reached), or half of them near the start
-    (near)."""
+    curriculum: CurriculumName = "reached"
+    """Which goals training episodes pursue: uniform over those reached so far (reached) or over all (valid), or half of
+    them near the start (near). A method such as decstr has its own."""
 
     schedule_epochs: int = PAPER_EPOCHS
     """Epochs in which a method passes through a schedule that the paper gives in epochs of its 500, such as MI's
@@ -144,7 +144,7 @@ class RunConfig:
         check_name("robot", self.robot, ROBOTS)
         check_name("preset", self.preset, PRESET_NAMES)
         check_option(self, "starts", Starts)
-        check_option(self, "curriculum", Curriculum)
+        check_option(self, "curriculum", CurriculumName)
         self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
         _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads", "schedule_epochs")
@@ -165,9 +165,9 @@ class RunConfig:
             return  # spares the presets, and with them `--help`, the second that torch takes to load
         spec = _parse_spec(self.method)
         object.__setattr__(self, "method", spec.text)
-        if spec.reward is not None and self.method_config is None:
-            object.__setattr__(self, "method_config", spec.reward.Config())
-        kind = type(None) if spec.reward is None else spec.reward.Config
+        if spec.method is not None and self.method_config is None:
+            object.__setattr__(self, "method_config", spec.method.Config())
+        kind = type(None) if spec.method is None else spec.method.Config
         if not isinstance(self.method_config, kind):
             raise ValueError(f"method_config is {self.method_config!r}; {spec.text} takes a {kind.__name__}")
 
@@ -393,10 +393,10 @@ def _parse_spec(method: str) -> "MethodSpec":
 
 def _settings(method: str, values: Any) -> Any:
     """The `Config` of a curiosity method from plain values; raises ValueError where they do not fit."""
-    reward = _parse_spec(method).reward
-    if reward is None:
+    found = _parse_spec(method).method
+    if found is None:
         raise ValueError(f"unknown config field method_config: {method} has no settings")
-    return _build(reward.Config, values, "method_config.")
+    return _build(found.Config, values, "method_config.")
 
 
 def _build(cls: type, values: Any, path: str) -> Any:

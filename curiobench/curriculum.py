@@ -1,59 +1,63 @@
-"""Which goals training episodes pursue.
-
-A curriculum is a function of the goals reached so far and of where the episodes start. It returns positions `(N,)` in
-the list of valid goals.
+"""The curricula that any method can run under, by the name that `RunConfig.curriculum` gives.
 
 reached     the paper's: uniform over goals that an episode has ended in.
+valid       uniform over all valid goals.
 near        ours: half of the episodes pursue a reached goal that differs from their start in few predicates.
+
+A method may bring its own instead; see `curiobench/methods/curriculum.py`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+
+from curiobench.methods.curriculum import Curriculum, Situation
 
 NEAR_SHARE = 0.5
 """Share of the episodes whose goal `near` draws near their start."""
 
 
-@dataclass(frozen=True)
-class Situation:
-    """What a curriculum may look at."""
-
-    valid_goals: np.ndarray
-    """`(G, bits)` all goals, 0 or 1."""
-    reached: np.ndarray
-    """`(G,)` bool, which of them an episode has ended in."""
-    start: np.ndarray
-    """`(N, bits)` predicates that hold where each episode starts."""
-
-
-def draw_reached(situation: Situation, generator: np.random.Generator) -> np.ndarray:
+class Reached(Curriculum):
     """Uniform over goals already reached; while there is none, which is in the first rollout, over all valid goals."""
-    return generator.choice(_candidates(situation), len(situation.start))
+
+    def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """As `Curriculum.draw`."""
+        n = len(situation.start)
+        return generator.choice(_candidates(situation), n), np.zeros(n, bool)
 
 
-def draw_near(situation: Situation, generator: np.random.Generator) -> np.ndarray:
-    """Half as `draw_reached`, half with probability in proportion to exp(-d), d the predicates that differ at start.
+class Valid(Curriculum):
+    """Uniform over all valid goals."""
+
+    def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """As `Curriculum.draw`."""
+        n = len(situation.start)
+        return generator.integers(len(self.goals.bits), size=n), np.zeros(n, bool)
+
+
+class Near(Reached):
+    """Half as `Reached`, half with probability in proportion to exp(-d), d the predicates that differ at the start.
 
     A goal that holds at the start is not among the near ones, unless there is no other.
     """
-    goals = draw_reached(situation, generator)
-    candidates = _candidates(situation)
-    distance = (situation.valid_goals[candidates] != situation.start[:, None]).sum(-1)
-    weights = np.exp(-distance.astype(float)) * (distance > 0)
-    cumulated = np.cumsum(weights, axis=1)
-    uniform = generator.random((2, len(goals)))
-    near = (cumulated > uniform[0, :, None] * cumulated[:, -1:]).argmax(axis=1)
-    chosen = (uniform[1] < NEAR_SHARE) & (cumulated[:, -1] > 0)
-    return np.where(chosen, candidates[near], goals)
+
+    def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """As `Curriculum.draw`."""
+        goals, tested = super().draw(situation, generator)
+        candidates = _candidates(situation)
+        distance = (self.goals.bits[candidates] != situation.start[:, None]).sum(-1)
+        weights = np.exp(-distance.astype(float)) * (distance > 0)
+        cumulated = np.cumsum(weights, axis=1)
+        uniform = generator.random((2, len(goals)))
+        near = (cumulated > uniform[0, :, None] * cumulated[:, -1:]).argmax(axis=1)
+        chosen = (uniform[1] < NEAR_SHARE) & (cumulated[:, -1] > 0)
+        return np.where(chosen, candidates[near], goals), tested
 
 
-CURRICULA: MappingProxyType[str, Callable[[Situation, np.random.Generator], np.ndarray]] = MappingProxyType(
-    {"reached": draw_reached, "near": draw_near}
+CURRICULA: MappingProxyType[str, type[Curriculum]] = MappingProxyType(
+    {"reached": Reached, "valid": Valid, "near": Near}
 )
-"""By the name that `RunConfig.curriculum` gives."""
+"""By name."""
 
 
 def _candidates(situation: Situation) -> np.ndarray:

@@ -44,8 +44,8 @@ def _method_line(spec: str) -> str:
         parsed = parse_spec(spec)
     except ValueError as error:
         return f"cannot be loaded: {error}"
-    if parsed.reward is None:
+    if parsed.method is None:
         return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
     if parsed.hybrid:
         return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism (Han et al. 2023)"
-    return f"{parsed.reward.idea} ({parsed.reward.paper})"
+    return f"{parsed.method.idea} ({parsed.method.paper})"

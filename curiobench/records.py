@@ -33,6 +33,7 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
         "success": None if evaluation is None else float(evaluation.success_rates.mean()),
     }
     row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
+    row = {**row, **{name: value for name, value in state.curriculum.metrics().items() if name not in row}}
     seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
     return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
 

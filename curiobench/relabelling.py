@@ -1,7 +1,7 @@
 """Which transitions a batch holds, and under which desired goals: hindsight relabelling, at sample time.
 
-A relabelling is a function of a replay, a size and a generator. It returns slots `(B,)`, steps before the action `(B,)`
-and desired goals `(B, bits)`; the replay does the rest.
+These are the relabellings that any method can run under, by the name that `ReplayConfig.relabelling` gives. A method
+may bring its own instead; see `curiobench/methods/relabelling.py`.
 
 future      HER (Andrychowicz et al. 2017, arXiv 1707.01495): a goal that the episode achieves later, or its own.
 arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`, and steps under
@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from curiobench.methods.relabelling import Draw
+
 if TYPE_CHECKING:
     from curiobench.replay import EpisodeReplay
 
-Draw = tuple[np.ndarray, np.ndarray, np.ndarray]
 KINDS = 3
 """Kinds of arrivals: a block was put on another; else two came close; else something was only undone."""
 
@@ -65,25 +66,37 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
 RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Generator], Draw]] = MappingProxyType(
     {"future": draw_future, "arrivals": draw_arrivals}
 )
-"""By the name that `ReplayConfig.relabelling` gives."""
+"""By name; each as `Relabelling.draw`."""
 
 
 def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
     """`size` steps that lead up to arrivals, among the groups (goal · KINDS + kind) that occur."""
     uniform = generator.random((3, size))
-    group = occurring[_scaled(uniform[0], len(occurring))]
+    if replay.goal_weights is None:
+        group = occurring[scaled(uniform[0], len(occurring))]
+    else:
+        group = occurring[weighted(uniform[0], _group_weights(replay.goal_weights, occurring // KINDS))]
     slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
     goal = group // KINDS
     earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
-    rank = _scaled(uniform[2], earlier.sum(1))
+    rank = scaled(uniform[2], earlier.sum(1))
     return slot, np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1), replay.valid_goals[goal]
+
+
+def _group_weights(weights: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    """Weights of groups from those of goals `(G,)`: a goal's is shared by its kinds of arrivals that occur.
+
+    `goals` are those of the groups. Where no goal that occurs has any weight, all groups have the same.
+    """
+    shared = weights[goals] / np.bincount(goals)[goals]
+    return shared if shared.any() else np.ones(len(goals))
 
 
 def _draw_pursued(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """`size` uniform steps of uniform episodes, each under the goal that it pursued."""
     uniform = generator.random((2, size))
-    slot = _scaled(uniform[0], len(replay))
-    return slot, _scaled(uniform[1], replay.steps), replay.arrays["desired_goal"][slot]
+    slot = scaled(uniform[0], len(replay))
+    return slot, scaled(uniform[1], replay.steps), replay.arrays["desired_goal"][slot]
 
 
 def _satisfied(replay: "EpisodeReplay", drawn: Draw) -> np.ndarray:
@@ -113,19 +126,21 @@ def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generato
 def _draw(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """One random draw of an episode, a step and a goal for each of `size` transitions."""
     uniform = generator.random((5, size))
-    reached = np.flatnonzero(replay.ends.counts)
-    if replay.config.balance_goals and len(reached):
-        slot = replay.ends.draw(reached[_scaled(uniform[0], len(reached))], uniform[1])
-    else:
-        slot = _scaled(uniform[1], len(replay))
-    step = _scaled(uniform[2], replay.steps)
-    future = step + 1 + _scaled(uniform[3], replay.steps - step)
+    slot = replay.draw_episodes(uniform[:2])
+    step = scaled(uniform[2], replay.steps)
+    future = step + 1 + scaled(uniform[3], replay.steps - step)
     relabelled = replay.arrays["achieved_goal"][slot, future]
     keep = uniform[4] >= replay.config.relabel_share
     relabelled[keep] = replay.arrays["desired_goal"][slot[keep]]
     return slot, step, relabelled
 
 
-def _scaled(uniform: np.ndarray, n: int | np.ndarray) -> np.ndarray:
+def weighted(uniform: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Numbers in [0, 1) to positions, each as often as its weight says."""
+    cumulated = np.cumsum(weights)
+    return np.searchsorted(cumulated, uniform * cumulated[-1], side="right")
+
+
+def scaled(uniform: np.ndarray, n: int | np.ndarray) -> np.ndarray:
     """Numbers in [0, 1) to integers in [0, n)."""
     return (uniform * n).astype(np.int64)

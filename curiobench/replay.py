@@ -12,13 +12,15 @@ from typing import Literal
 import numpy as np
 
 from curiobench.episode_files import EpisodeFiles
+from curiobench.methods.guard import transitions_drawn
+from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.settings import check_option
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, RELABELLINGS, arrival_kinds
+from curiobench.relabelling import KINDS, RELABELLINGS, arrival_kinds, scaled, weighted
 from curiobench.tasks.goals import GoalTable
 
-Relabelling = Literal["future", "arrivals"]
-"""Names of relabellings."""
+RelabellingName = Literal["future", "arrivals"]
+"""Keys of `relabelling.RELABELLINGS`."""
 
 ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
 """(achieved goals (B, bits), desired goals (B, bits), info) -> rewards (B,)."""
@@ -34,9 +36,9 @@ class ReplayConfig:
     """Share of samples whose desired goal becomes one achieved later in the episode (hindsight "future", k = 4)."""
     balance_goals: bool = True
     """Draw first one of the goals that episodes ended in, uniformly, then one of its episodes; else any episode."""
-    relabelling: Relabelling = "future"
+    relabelling: RelabellingName = "future"
     """Which transitions with which goals fill a batch: hindsight "future" (future), or half of it steps that lead to a
-    moment at which a goal was reached (arrivals)."""
+    moment at which a goal was reached (arrivals). A method such as mcher has its own."""
     arrival_share: float = 0.5
     """Share of a batch that is drawn from arrivals, with that relabelling."""
     pursued_share: float = 0.0
@@ -48,7 +50,7 @@ class ReplayConfig:
     def __post_init__(self) -> None:
         if self.capacity < 1:
             raise ValueError(f"capacity is {self.capacity}; it must be at least 1 episode")
-        check_option(self, "relabelling", Relabelling)
+        check_option(self, "relabelling", RelabellingName)
         for name in ("relabel_share", "arrival_share", "pursued_share", "satisfied_cap"):
             share = getattr(self, name)
             if share is not None and not 0 <= share <= 1:
@@ -80,6 +82,7 @@ class EpisodeReplay:
         goal_ids: `(capacity, T + 1)` position of the achieved goal among the valid ones, -1 where it is none of them.
         ends: slots by the valid goal that their episode ended in.
         arrivals: places, slot · (T + 1) + step, by goal · KINDS + kind; see `relabelling.py`.
+        goal_weights: `(G,)` probabilities with which goals are drawn, set by a curriculum that decides that; or None.
     """
 
     def __init__(
@@ -92,6 +95,7 @@ class EpisodeReplay:
         action_size: int,
         on_bits: np.ndarray,
         folder: Path | None = None,
+        relabelling: Relabelling | None = None,
     ) -> None:
         """
         Args:
@@ -104,8 +108,11 @@ class EpisodeReplay:
             on_bits: (bits,) bool, which bits of a goal say that a block lies on another.
             folder: keep the arrays in memory-mapped files there instead of in memory. Scratch space: a run resumes from
                 what `save` wrote.
+            relabelling: of a method that brings its own; None for that of the config.
         """
         self.config, self.compute_reward, self.steps = config, compute_reward, steps
+        self._relabelling = relabelling
+        self.goal_weights: np.ndarray | None = None
         self.valid_goals = valid_goals = np.ascontiguousarray(valid_goals, np.uint8)
         self._table, self._on_bits = GoalTable(valid_goals), on_bits
         bits, capacity = valid_goals.shape[1], config.capacity
@@ -181,7 +188,10 @@ class EpisodeReplay:
         """
         if not len(self):
             raise ValueError("the replay is empty")
-        slot, step, desired = RELABELLINGS[self.config.relabelling](self, batch_size, generator)
+        if self._relabelling is None:
+            slot, step, desired = RELABELLINGS[self.config.relabelling](self, batch_size, generator)
+        else:
+            slot, step, desired = transitions_drawn(self._relabelling, self, batch_size, generator)
         row = slot * (self.steps + 1) + step
         observation, achieved, action = (
             self.arrays[name].reshape(-1, self.arrays[name].shape[-1])
@@ -198,6 +208,25 @@ class EpisodeReplay:
             "reward": np.asarray(self.compute_reward(next_achieved, desired, None), np.float32),
             "particles": self._draw_states(n_particles, generator) if n_particles else None,
         }
+
+    def draw_episodes(self, uniform: np.ndarray) -> np.ndarray:
+        """Slots (B,) from numbers (2, B) in [0, 1): first a goal, then an episode that ended in it.
+
+        Goals are drawn by `goal_weights`, any episode standing for one that none ended in. Without weights goals are
+        uniform over those that an episode ended in; where the config does not balance them, or there is none, episodes
+        are uniform.
+        """
+        counts = self.ends.counts
+        if self.goal_weights is not None:
+            goals = weighted(uniform[0], self.goal_weights)
+        elif self.config.balance_goals and counts.any():
+            reached = np.flatnonzero(counts)
+            goals = reached[scaled(uniform[0], len(reached))]
+        else:
+            return scaled(uniform[1], len(self))
+        slots, ended = scaled(uniform[1], len(self)), counts[goals] > 0
+        slots[ended] = self.ends.draw(goals[ended], uniform[1, ended])
+        return slots
 
     def _draw_states(self, size: int, generator: np.random.Generator) -> np.ndarray:
         """`size` observations (size, D), uniformly over all that a step led to."""

@@ -10,18 +10,23 @@ from curiobench.tasks.registration import EPISODE_STEPS
 
 if TYPE_CHECKING:
     from curiobench.tasks import BatchedStacking
+    from curiobench.tasks.batch import Observation
 
 
-def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray) -> Episodes:
+def collect(
+    worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, tested: np.ndarray | None = None
+) -> tuple[Episodes, np.ndarray]:
     """One episode in every world, by the agent's stochastic policy.
 
     Args:
         worlds: N worlds, just reset; left at the end of their episodes.
         agent: chooses actions; it is asked once a step, for all worlds together.
         goals: `(N, bits)` what each world's episode pursues.
+        tested: `(N,)` bool, episodes in which the policy is deterministic instead.
 
     Returns:
-        N episodes, less those whose physics diverged: their world was reset half-way, which no action explains.
+        N episodes, less those whose physics diverged: their world was reset half-way, which no action explains. And
+        `(N,)` bool, which ones there are.
 
     Raises:
         NonFiniteError: an observation is NaN or infinite; names the step, the world and the entry.
@@ -34,13 +39,22 @@ def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray) -> Episode
     whole = np.ones(n, bool)
     for step in range(EPISODE_STEPS + 1):
         if step > 0:
-            actions.append(agent.act(seen.observation, seen.achieved_goal, seen.desired_goal))
+            actions.append(_act(agent, seen, tested))
             seen, _ = worlds.step(actions[-1])
             whole &= ~worlds.diverged
         check_finite(seen.observation, step)
         observation[:, step], achieved[:, step] = seen.observation, seen.achieved_goal
     action = np.stack(actions, axis=1)
-    return Episodes(observation[whole], achieved[whole], action[whole], goals[whole])
+    return Episodes(observation[whole], achieved[whole], action[whole], goals[whole]), whole
+
+
+def _act(agent: SAC, seen: "Observation", tested: np.ndarray | None) -> np.ndarray:
+    """Actions `(N, A)`; the policy's mode where an episode is a test."""
+    action = agent.act(seen.observation, seen.achieved_goal, seen.desired_goal)
+    if tested is not None and tested.any():
+        parts = (part[tested] for part in (seen.observation, seen.achieved_goal, seen.desired_goal))
+        action[tested] = agent.act(*parts, deterministic=True)
+    return action
 
 
 def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:

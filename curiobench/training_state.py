@@ -14,9 +14,11 @@ import numpy as np
 import torch
 
 from curiobench.config import RunConfig
-from curiobench.curriculum import CURRICULA, Situation
+from curiobench.curriculum import CURRICULA
+from curiobench.methods.curriculum import Curriculum, Goals, Situation
+from curiobench.methods.guard import blamed, goals_drawn
 from curiobench.methods.pairs import PairLayout
-from curiobench.methods.registry import make_agent
+from curiobench.methods.registry import make_agent, parse_spec
 from curiobench.methods.reward import Batch
 from curiobench.methods.sac import SAC, NonFiniteError
 from curiobench.replay import EpisodeReplay, Episodes
@@ -99,8 +101,21 @@ def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSe
     return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
 
 
+def goals_of(goal_space: GoalSpace) -> Goals:
+    """What curricula and relabellings see of a task's goals."""
+    pairs = np.array([(p.close, p.on_ij, p.on_ji) for p in goal_space.pairs])
+    return Goals(goal_space.goals.astype(np.uint8), goal_space.layers, pairs)
+
+
+def build_curriculum(config: RunConfig, goal_space: GoalSpace) -> Curriculum:
+    """The method's own curriculum, or that of the config."""
+    own = parse_spec(config.method).curriculum
+    return (own or CURRICULA[config.curriculum])(goals_of(goal_space), config.method_config if own else None)
+
+
 def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
     """The empty replay of a config, memory-mapped in a folder if one is given."""
+    own = parse_spec(config.method).relabelling
     return EpisodeReplay(
         config.replay,
         valid_goals=goal_space.goals,
@@ -110,6 +125,7 @@ def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None =
         action_size=ACTION_SIZE,
         on_bits=goal_space.on_bits,
         folder=folder,
+        relabelling=own and own(goals_of(goal_space), config.method_config),
     )
 
 
@@ -119,6 +135,7 @@ class TrainingState:
     Attributes:
         agent: learns and acts.
         replay: the episodes it learns from.
+        curriculum: draws the goals that episodes pursue.
         counters: where training stands.
         reached: `(G,)` bool, the valid goals that an episode has ever ended in.
     """
@@ -139,6 +156,8 @@ class TrainingState:
         self.reached = np.zeros(len(self._goal_space), bool)
         self.agent = build_agent(config, self._goal_space, streams["agent"])
         self.replay = build_replay(config, self._goal_space, mapped_replay if config.machine.replay_on_disk else None)
+        self.curriculum = build_curriculum(config, self._goal_space)
+        self.replay.goal_weights = self.curriculum.replay_weights()
 
     def collect(self) -> None:
         """One episode in every world, into the replay, the normalisers and the set of reached goals."""
@@ -146,13 +165,15 @@ class TrainingState:
         biased = self.config.starts == "biased" and self.counters.epoch >= self.config.biased_from_epoch
         with self.counters.timed("collecting"):
             start = self._worlds.reset(biased=biased, goals=np.broadcast_to(valid[0], (size, valid.shape[1])))
-            situation = Situation(valid, self.reached, start.achieved_goal)
-            goals = valid[CURRICULA[self.config.curriculum](situation, self._generators["goals"])]
-            episodes = collect(self._worlds, self.agent, goals)
+            situation = Situation(self.reached.copy(), start.achieved_goal)
+            goals, tested = goals_drawn(self.curriculum, situation, self._generators["goals"])
+            episodes, whole = collect(self._worlds, self.agent, valid[goals], tested)
             self.replay.add(episodes)
             desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
             self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
         ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
+        with blamed(self.curriculum, "observe"):
+            self.curriculum.observe(goals[whole], ends, tested[whole])
         self.reached[ends[ends >= 0]] = True
         self.counters.steps += size * EPISODE_STEPS
         self._count(episodes)
@@ -190,6 +211,9 @@ class TrainingState:
 
     def end_epoch(self) -> None:
         """Count an epoch and start the sums of the next."""
+        with blamed(self.curriculum, "end_epoch"):
+            self.curriculum.end_epoch()
+        self.replay.goal_weights = self.curriculum.replay_weights()
         self.counters.epoch += 1
         self.counters.cycle = 0
         self.counters.sums.clear()
@@ -204,6 +228,7 @@ class TrainingState:
             "replay": self.replay.save(folder),
             "counters": asdict(self.counters),
             "reached": self.reached.tolist(),
+            "curriculum": self.curriculum.state_dict(),
             "worlds": {"rng": self._worlds.rng.bit_generator.state, "divergences": self._worlds.divergences},
             "generators": {name: g.bit_generator.state for name, g in self._generators.items()},
         }
@@ -215,6 +240,8 @@ class TrainingState:
         """
         self.counters = Counters(**values["counters"])
         self.reached[:] = values["reached"]
+        self.curriculum.load_state_dict(values["curriculum"])
+        self.replay.goal_weights = self.curriculum.replay_weights()
         self._worlds.rng.bit_generator.state = values["worlds"]["rng"]
         self._worlds.divergences = values["worlds"]["divergences"]
         for name, generator in self._generators.items():

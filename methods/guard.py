@@ -11,10 +11,13 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.plugins import file_of, summary
+from curiobench.methods.curriculum import Curriculum, Situation
+from curiobench.methods.plugins import Method, file_of, summary
+from curiobench.methods.relabelling import Draw, Relabelling, Replay
 from curiobench.methods.reward import IntrinsicReward, Transitions
 
 CUDA_CHECK_EVERY = 100
@@ -28,7 +31,7 @@ TAKEN = frozenset(
         "intrinsic_raw", "intrinsic_normalised", "bonus_spread",
         "explorer_policy_loss", "explorer_entropy", "explorer_temperature", "explorer_temperature_loss",
         "q_int_loss", "q_int_popart", "q_int_zscore", "popart_mean", "popart_scale", "share_exploitation",
-        "q_ext_action_spread", "q_int_action_spread",
+        "q_ext_action_spread", "q_int_action_spread", "tau",
         "run", "task", "method", "variant", "seed",
     )
 )  # fmt: skip
@@ -43,11 +46,12 @@ class NonFiniteError(FloatingPointError):
 
 
 class MethodError(RuntimeError):
-    """A curiosity method raised, or returned what it must not; one line with its class, its file and the update."""
+    """A method raised, or returned what it must not; one line with its class, its file and, of a curiosity method, the
+    update."""
 
 
 @contextmanager
-def blamed(method: IntrinsicReward, call: str, update: int) -> Iterator[None]:
+def blamed(method: Method, call: str, update: int | None = None) -> Iterator[None]:
     """Turn whatever a method's function `call` raises into a MethodError."""
     try:
         yield
@@ -110,6 +114,46 @@ def policy_term_of(
     if found:
         raise _fault(method, update, f"policy_loss_term() returned {found}")
     return term
+
+
+def goals_drawn(
+    curriculum: Curriculum, situation: Situation, generator: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a curriculum draws; raises MethodError unless it is N positions of goals and N bools."""
+    with blamed(curriculum, "draw"):
+        goals, tested = curriculum.draw(situation, generator)
+    n, n_goals = len(situation.start), len(situation.reached)
+    if found := _flaw_of_positions(goals, n, n_goals):
+        raise _fault(curriculum, None, f"draw() returned goals that are {found}")
+    if not isinstance(tested, np.ndarray) or tested.shape != (n,) or tested.dtype != bool:
+        raise _fault(
+            curriculum, None, f"draw() returned tests that are {_outline(tested)}; expected bool of shape {(n,)}"
+        )
+    return goals, tested
+
+
+def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, generator: np.random.Generator) -> Draw:
+    """What a relabelling draws; raises MethodError unless it is `size` slots, steps and goals."""
+    with blamed(relabelling, "draw"):
+        slot, step, desired = relabelling.draw(replay, size, generator)
+    for what, positions, limit in (("slots", slot, len(replay)), ("steps", step, replay.steps)):
+        if found := _flaw_of_positions(positions, size, limit):
+            raise _fault(relabelling, None, f"draw() returned {what} that are {found}")
+    shape = size, replay.arrays["desired_goal"].shape[-1]
+    if not isinstance(desired, np.ndarray) or desired.shape != shape or desired.dtype != np.uint8:
+        raise _fault(
+            relabelling, None, f"draw() returned {_outline(desired)} as goals; expected uint8 of shape {shape}"
+        )
+    return slot, step, desired
+
+
+def _flaw_of_positions(positions: object, size: int, limit: int) -> str | None:
+    """What is wrong with `size` integers in [0, limit); None if nothing is."""
+    if not isinstance(positions, np.ndarray) or positions.shape != (size,) or positions.dtype.kind not in "iu":
+        return f"{_outline(positions)}; expected integers of shape {(size,)}"
+    if positions.size and not (positions.min() >= 0 and positions.max() < limit):
+        return f"{positions.min()} to {positions.max()}; expected 0 to {limit - 1}"
+    return None
 
 
 def state_of(method: IntrinsicReward, update: int) -> dict[str, Any]:
@@ -182,6 +226,8 @@ def flaw_of_state(state: object, name: str = "state") -> str | None:
 
 
 def _outline(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"a {value.dtype} array of shape {value.shape}"
     if not isinstance(value, Tensor):
         return f"a {type(value).__name__}"
     gradients = " that carries gradients" if value.requires_grad else ""
@@ -192,6 +238,7 @@ def _looks_at_values(tensor: Tensor, update: int) -> bool:
     return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
 
 
-def _fault(method: IntrinsicReward, update: int, what: str) -> MethodError:
+def _fault(method: Method, update: int | None, what: str) -> MethodError:
     cls = type(method)
-    return MethodError(f"method {cls.__module__}:{cls.__qualname__} in {file_of(cls)}, update {update}: {what}")
+    at = "" if update is None else f", update {update}"
+    return MethodError(f"method {cls.__module__}:{cls.__qualname__} in {file_of(cls)}{at}: {what}")

@@ -17,6 +17,8 @@ What the paper leaves open, and what we chose:
   Eq. 15 compares like with like (where Q_int is flat, its sign decides and not the draw), and with tau = 0 both stay
   equal to the bit: the agent is then SAC on r_ext.
 - Each policy has its own temperature, all weights one Adam.
+- tau is fixed. With `adaptive_tau`, which the paper wishes for in its last section, it follows the spreads of Q_int and
+  Q_ext over actions: how far pi_c can differ from pi_d depends on these, not on the size of either.
 - A method's term in the policy's loss (DAC's) goes to pi_c, and so does its view of the policy: it shapes exploration,
   and in pi_d it would bring back the distraction that the mechanism removes.
 """
@@ -40,6 +42,8 @@ EXPLOIT, EXPLORE = 0, 1
 """pi_d and pi_c, wherever a tensor has one entry a policy."""
 PROBE_STATES, PROBE_ACTIONS = 64, 16
 """States and random actions in each of them over which the spreads of Q_ext and Q_int are measured."""
+TAU_RANGE = (1e-2, 1e3)
+"""Ends of the factor of tau under `adaptive_tau`."""
 
 
 class PolicyPair(nn.Module):
@@ -86,7 +90,8 @@ class HybridAgent(SAC):
             hybrid: settings of the mechanism; its defaults if None.
         """
         super().__init__(layout, config, generator, intrinsic)
-        hybrid = hybrid or HybridConfig()
+        self.hybrid = hybrid = hybrid or HybridConfig()
+        self._tau_factor = 1.0
         self.actor = PolicyPair(self.actor)
         self.log_alpha = nn.Parameter(self.log_alpha.detach().repeat(2))
         self.intrinsic_values = IntrinsicValues(
@@ -100,6 +105,11 @@ class HybridAgent(SAC):
         self._exploited = self._acted = 0
         self._measured: dict[str, float] = {}
         self._probe: Tensor | None = None  # rows of `StaticBatch`
+
+    @property
+    def tau(self) -> float:
+        """Weight of Q_int now."""
+        return super().tau * self._tau_factor
 
     @torch.no_grad()
     def act(
@@ -227,7 +237,7 @@ class HybridAgent(SAC):
 
     @torch.no_grad()
     def _measure(self, batch: StaticBatch) -> None:
-        """Once after each collection: share_exploitation, pi_d's share of its steps, and two spreads over actions.
+        """Once after each collection: share_exploitation, pi_d's share of its steps, two spreads over actions, and tau.
 
         q_ext_action_spread and q_int_action_spread: standard deviations of Q_ext and of tau · Q_int over random actions
         in one state, mean over states of the first batch. The explorer differs from the exploiter as far as the second
@@ -245,18 +255,30 @@ class HybridAgent(SAC):
             "share_exploitation": self._exploited / self._acted,
             "q_ext_action_spread": q_ext.std(0, correction=0).mean().item(),
             "q_int_action_spread": q_int.std(0, correction=0).mean().item(),
+            "tau": self.tau,
         }
         self._exploited = self._acted = 0
+        if self.hybrid.adaptive_tau:
+            self._steer(self._measured["q_ext_action_spread"], self._measured["q_int_action_spread"])
+
+    def _steer(self, of_q_ext: float, of_q_int: float) -> None:
+        """Move tau by `tau_rate` of the way, in logarithms, to where the spread of tau · Q_int is as wished."""
+        if of_q_ext > 0 and of_q_int > 0:
+            step = self.hybrid.spread_ratio * of_q_ext / of_q_int
+            low, high = TAU_RANGE
+            self._tau_factor = min(max(self._tau_factor * step**self.hybrid.tau_rate, low), high)
 
     def state_dict(self) -> dict[str, Any]:
-        """As `SAC.state_dict`, with Q_int, the counts of pi_d's share, and what was measured on which states."""
+        """As `SAC.state_dict`, with Q_int, the counts of pi_d's share, what was measured on which states, and tau."""
         counts = {"exploited": self._exploited, "acted": self._acted, "measured": dict(self._measured)}
+        counts["tau_factor"] = self._tau_factor
         return super().state_dict() | counts | {"probe": None if self._probe is None else self._probe.clone()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """As `SAC.load_state_dict`."""
         super().load_state_dict(state)
         self._exploited, self._acted, self._measured = state["exploited"], state["acted"], dict(state["measured"])
+        self._tau_factor = state["tau_factor"]
         self._probe = None if state["probe"] is None else state["probe"].to(self.device, copy=True)
 
 

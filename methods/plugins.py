@@ -1,4 +1,4 @@
-"""Curiosity methods from outside this package: by `package.module:Class`, or by a name that an installed package gives.
+"""Methods from outside this package: by `package.module:Class`, or by a name that an installed package gives.
 
 Such a package names its classes in the entry-point group `curiobench.methods`; in its pyproject.toml:
 
@@ -20,7 +20,12 @@ from pathlib import Path
 from types import ModuleType, NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from curiobench.methods.curriculum import Curriculum
+from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
+
+Method = IntrinsicReward | Curriculum | Relabelling
+"""Kinds of methods."""
 
 GROUP = "curiobench.methods"
 """Entry-point group in which installed packages name their methods."""
@@ -34,7 +39,7 @@ def installed_methods() -> list[str]:
     return sorted({point.name.lower() for point in entry_points(group=GROUP)})
 
 
-def load_installed(name: str) -> type[IntrinsicReward]:
+def load_installed(name: str) -> type[Method]:
     """The class behind an entry point. Raises ValueError as `load_class`, and where two packages give that name."""
     values = sorted({point.value for point in entry_points(group=GROUP) if point.name.lower() == name})
     if len(values) > 1:
@@ -44,8 +49,8 @@ def load_installed(name: str) -> type[IntrinsicReward]:
     return load_class(values[0].partition("[")[0].strip(), f"{name} ({values[0]})")
 
 
-def load_class(path: str, spec: str) -> type[IntrinsicReward]:
-    """Import a curiosity method.
+def load_class(path: str, spec: str) -> type[Method]:
+    """Import a method.
 
     The current directory is searched last: `curiobench` as a console script does not search it at all, `python -m
     curiobench` first, and a file there should not be able to take the place of an installed package.
@@ -55,7 +60,7 @@ def load_class(path: str, spec: str) -> type[IntrinsicReward]:
         spec: how to call it in messages.
 
     Raises:
-        ValueError: no such module or class, an import that raises, or a class that is not a curiosity method; one line.
+        ValueError: no such module or class, an import that raises, or a class that is no method; one line.
     """
     module_name, _, class_name = path.partition(":")
     if not all(part.isidentifier() for part in [*module_name.split("."), class_name]):
@@ -72,7 +77,8 @@ def load_class(path: str, spec: str) -> type[IntrinsicReward]:
         methods = [name for name, value in vars(module).items() if _is_method(value)]
         raise ValueError(f"{where}: there is no class {class_name!r}; its methods are {', '.join(methods) or 'none'}")
     if not _is_method(found):
-        raise ValueError(f"{where}: {class_name} is not a class derived from curiobench.methods.reward.IntrinsicReward")
+        kinds = " or ".join(f"{kind.__module__}.{kind.__name__}" for kind in get_args(Method))
+        raise ValueError(f"{where}: {class_name} is not a class derived from {kinds}")
     if missing := sorted(found.__abstractmethods__):
         raise ValueError(f"{where}: {class_name} lacks {', '.join(missing)}")
     _check_config(found, where)
@@ -108,10 +114,10 @@ def summary(error: BaseException) -> str:
 
 
 def _is_method(value: Any) -> bool:
-    return inspect.isclass(value) and issubclass(value, IntrinsicReward) and value is not IntrinsicReward
+    return inspect.isclass(value) and issubclass(value, Method) and value not in get_args(Method)
 
 
-def _check_config(method: type[IntrinsicReward], where: str) -> None:
+def _check_config(method: type[Method], where: str) -> None:
     """Raise ValueError unless `Config` can be shown as flags, kept as JSON and made without arguments."""
     where = f"{where}: {method.__name__}.Config"
     config = getattr(method, "Config", None)
@@ -136,12 +142,12 @@ def _is_plain(hint: Any) -> bool:
     return get_origin(hint) in (None, Union, UnionType) and all(t in PLAIN for t in get_args(hint) or (hint,))
 
 
-def file_of(method: type[IntrinsicReward]) -> str:
+def file_of(method: type[Method]) -> str:
     """Path of the file that a method's class is written in; its module's name where there is none, as in a session."""
     return getattr(sys.modules.get(method.__module__), "__file__", None) or method.__module__
 
 
-def trace(method: type[IntrinsicReward]) -> dict[str, str]:
+def trace(method: type[Method]) -> dict[str, str]:
     """Where a method from outside comes from, for the record of a run: `method_file` and `method_sha256`.
 
     The digest covers the file of the class and not what that file imports.

@@ -1,5 +1,7 @@
 """Which methods exist, and how a method spec such as `sac` becomes an agent. The one place to register a method.
 
+A method is a class of one of three kinds: an intrinsic reward, a curriculum or a relabelling.
+
 Methods from outside need no registration here; see plugins.py.
 """
 
@@ -8,13 +10,17 @@ from dataclasses import dataclass
 
 import torch
 
+from curiobench.methods.curriculum import Curriculum
 from curiobench.methods.dac import DAC
+from curiobench.methods.decstr import DECSTR
 from curiobench.methods.hybrid import HybridAgent
 from curiobench.methods.icm import ICM
+from curiobench.methods.mcher import MultiCriteriaHER
 from curiobench.methods.mi import MI
 from curiobench.methods.pairs import PairLayout
-from curiobench.methods.plugins import file_of, installed_methods, load_class, load_installed, summary, trace
+from curiobench.methods.plugins import Method, file_of, installed_methods, load_class, load_installed, summary, trace
 from curiobench.methods.re3 import RE3
+from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
 from curiobench.methods.rnd import RND
 from curiobench.methods.sac import SAC
@@ -23,6 +29,9 @@ from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
 
 REWARDS: dict[str, type[IntrinsicReward]] = {"icm": ICM, "rnd": RND, "dac": DAC, "re3": RE3, "mi": MI}
 """Curiosity methods by spec."""
+GOAL_METHODS: dict[str, type[Curriculum] | type[Relabelling]] = {"decstr": DECSTR, "mcher": MultiCriteriaHER}
+"""Methods without an intrinsic reward, which decide about goals, by spec."""
+_BUILT_IN = REWARDS | GOAL_METHODS
 
 
 @dataclass(frozen=True)
@@ -31,16 +40,34 @@ class MethodSpec:
 
     text: str
     """The spec's one form: aliases resolved, in lower case but for `package.module:Class`."""
-    reward: type[IntrinsicReward] | None
-    """The curiosity method; None for `sac`."""
+    method: type[Method] | None
+    """The class; None for `sac`."""
     hybrid: bool = False
     """Whether the hybrid policy mechanism collects."""
+
+    @property
+    def reward(self) -> type[IntrinsicReward] | None:
+        """The class if it is an intrinsic reward."""
+        return self._if_a(IntrinsicReward)
+
+    @property
+    def curriculum(self) -> type[Curriculum] | None:
+        """The class if it is a curriculum."""
+        return self._if_a(Curriculum)
+
+    @property
+    def relabelling(self) -> type[Relabelling] | None:
+        """The class if it is a relabelling."""
+        return self._if_a(Relabelling)
+
+    def _if_a(self, kind: type) -> type | None:
+        return self.method if self.method is not None and issubclass(self.method, kind) else None
 
 
 def available_specs() -> list[str]:
     """Every spec with a name, aliases last: built in, or provided by an installed package."""
-    names = [*REWARDS, *(name for name in installed_methods() if name not in ("sac", *REWARDS, *ALIASES))]
-    return ["sac", *names, *(name + HYBRID for name in names), *ALIASES]
+    names = [*REWARDS, *(name for name in installed_methods() if name not in ("sac", *_BUILT_IN, *ALIASES))]
+    return ["sac", *names, *GOAL_METHODS, *(name + HYBRID for name in names), *ALIASES]
 
 
 def parse_spec(text: str) -> MethodSpec:
@@ -52,23 +79,27 @@ def parse_spec(text: str) -> MethodSpec:
     name, hybrid = split(spec)
     if spec == "sac":
         return MethodSpec(spec, None)
-    if name in REWARDS:
-        return MethodSpec(spec, REWARDS[name], hybrid)
-    if ":" in name:
-        return MethodSpec(spec, load_class(name, name), hybrid)
-    if name in installed_methods():
-        return MethodSpec(spec, load_installed(name), hybrid)
     legal = f"{', '.join(available_specs())}, package.module:Class"
-    if name == "sac":
+    if name in _BUILT_IN:
+        found = MethodSpec(spec, _BUILT_IN[name], hybrid)
+    elif ":" in name:
+        found = MethodSpec(spec, load_class(name, name), hybrid)
+    elif name in installed_methods():
+        found = MethodSpec(spec, load_installed(name), hybrid)
+    else:
+        found = None
+    if hybrid and (name == "sac" or (found is not None and found.reward is None)):
         raise ValueError(f"method {text!r}: the hybrid mechanism needs a curiosity method; available: {legal}")
+    if found is not None:
+        return found
     near = difflib.get_close_matches(spec, available_specs(), n=1, cutoff=0.0)
     raise ValueError(f"unknown method {text!r}; the nearest is {near[0]!r}; available: {legal}")
 
 
 def traced(spec: str) -> dict[str, str]:
-    """File and digest of a spec's curiosity method, by `plugins.trace`; nothing where it is built in."""
-    reward = parse_spec(spec).reward
-    return {} if reward is None or reward in REWARDS.values() else trace(reward)
+    """File and digest of a spec's method, by `plugins.trace`; nothing where it is built in."""
+    method = parse_spec(spec).method
+    return {} if method is None or method in _BUILT_IN.values() else trace(method)
 
 
 def make_agent(
@@ -87,7 +118,8 @@ def make_agent(
         config: settings of the agent.
         generator: source of all randomness of agent and method.
         hybrid: settings of the hybrid policy mechanism, used with `+hm` only; its defaults if None.
-        settings: of the curiosity method, an instance of its `Config`; its defaults if None.
+        settings: of the method, an instance of its `Config`; its defaults if None. A curriculum or relabelling is no
+            part of the agent.
 
     Raises:
         ValueError: no legal spec, or the curiosity method cannot be built; one line that names its file.

@@ -104,8 +104,17 @@ class HybridConfig:
     """What explores: Q_int under PopArt, or Q_int of the z-scored reward, which the paper compares in Figure 6."""
     popart_rate: float = 3e-4
     """Share of a batch in PopArt's statistics, in (0, 1]; that of Hessel et al. 2018."""
+    adaptive_tau: bool = False
+    """Steer tau so that the spread of tau · Q_int over actions is `spread_ratio` times that of Q_ext; sac.tau is where
+    it starts."""
+    spread_ratio: float = 0.5
+    """The ratio that adaptive_tau steers for."""
+    tau_rate: float = 0.05
+    """Share of the way there, on a logarithmic scale, that tau goes after each collection, in (0, 1]."""
 
     def __post_init__(self) -> None:
         check_option(self, "q_int_normalisation", QIntNormalisation)
-        if not 0 < self.popart_rate <= 1:
-            raise ValueError(f"popart_rate is {self.popart_rate}; it must lie in (0, 1]")
+        check_positive(self, "spread_ratio")
+        for name in ("popart_rate", "tau_rate"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must lie in (0, 1]")

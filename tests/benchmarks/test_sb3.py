@@ -35,7 +35,7 @@ def our_updates(task: str, batch: int, hidden: int):
     )
     rng = np.random.default_rng(0)
     worlds.reset(biased=True)
-    episodes = collect(worlds, agent, space.goals[rng.integers(len(space), size=EPISODES)])
+    episodes, _ = collect(worlds, agent, space.goals[rng.integers(len(space), size=EPISODES)])
     replay.add(episodes)
     agent.observe(episodes.observation, episodes.achieved_goal, episodes.achieved_goal)
 

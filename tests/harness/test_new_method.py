@@ -173,3 +173,67 @@ def test_a_run_folder_does_not_decide_which_code_runs(cli, tmp_path):
     code, _, err = cli("evaluate", "run", "--method", spec)
     assert code == 2
     assert "this must not run" in err
+
+
+GOALS = """
+import numpy as np
+from curiobench.methods.curriculum import Curriculum
+from curiobench.methods.relabelling import Relabelling
+
+class First(Curriculum):
+    idea = "always the first goal"
+
+    def __init__(self, goals, config):
+        super().__init__(goals, config)
+        self.episodes = 0
+
+    def draw(self, situation, generator):
+        return np.zeros(len(situation.start), int), np.ones(len(situation.start), bool)
+
+    def observe(self, goals, reached, tested):
+        assert tested.all() and not goals.any()
+        self.episodes += len(goals)
+
+    def replay_weights(self):
+        return np.eye(len(self.goals.bits))[0]
+
+    def metrics(self):
+        return {"first_episodes": self.episodes}
+
+    def state_dict(self):
+        return {"episodes": self.episodes}
+
+    def load_state_dict(self, state):
+        self.episodes = state["episodes"]
+
+class Last(Relabelling):
+    "Hindsight with the goal that an episode ended in."
+
+    def draw(self, replay, size, generator):
+        slot = replay.draw_episodes(generator.random((2, size)))
+        return slot, generator.integers(replay.steps, size=size), replay.arrays["achieved_goal"][slot, -1]
+
+class Beyond(Last):
+    def draw(self, replay, size, generator):
+        slot, step, desired = super().draw(replay, size, generator)
+        return slot, step + replay.steps, desired
+"""
+
+
+def test_a_package_brings_its_own_curriculum_and_its_own_relabelling(cli, tmp_path):
+    (tmp_path / "my_goals.py").write_text(GOALS)
+    for name in ("First", "Last"):
+        spec = f"my_goals:{name}"
+        code, _, err = cli("train", *FLAGS, "--method", spec, "--out", name)
+        assert (code, err) == (0, "")
+        record = read_json(tmp_path / name / "config.json")
+        assert (record["config"]["method"], record["config"]["method_config"]) == (spec, {})
+        assert record["versions"]["method_file"] == str(tmp_path / "my_goals.py")
+    assert read_rows(tmp_path / "First" / "progress.csv")[-1]["first_episodes"] == "8"
+    with pytest.raises(ValueError, match="First is no part of curiobench"):
+        load_agent(tmp_path / "First")
+    code, _, err = cli("train", *FLAGS, "--method", "my_goals:First+hm", "--out", "hm")
+    assert (code, "the hybrid mechanism needs a curiosity method" in err) == (2, True)
+    code, _, err = cli("train", *FLAGS, "--method", "my_goals:Beyond", "--out", "beyond")
+    assert code == 1
+    assert re.search(r"Beyond in .*my_goals\.py: draw\(\) returned steps that are .*; expected 0 to 49", err)

@@ -377,3 +377,25 @@ def test_a_state_of_a_rare_goal_is_more_novel_than_one_of_a_common_goal(method):
         gaps.append((reward[of_rare].mean() - reward[~of_rare].mean()) / reward.std())
     assert gaps[0] > 1
     assert gaps[1] < 0  # its few states are drawn again and again, and are their own neighbours
+
+
+@pytest.mark.parametrize("relabelling", ["future", "arrivals"])
+def test_a_curriculum_s_weights_decide_which_goals_are_drawn(relabelling):
+    """Of goals 00, 10 and 11 with weights 0, 1/4 and 3/4: by the goal that episodes end in, or arrive at."""
+    replay = replay_of(capacity=9, relabelling=relabelling, arrival_share=1.0, relabel_share=1.0)
+    base = episodes_of(list(range(9)), [(0, 0)] * 9)
+    achieved = base.achieved_goal.copy()
+    for slot in range(9):
+        achieved[slot, 1:] = GOALS[slot % 3]
+    replay.add(Episodes(base.observation, achieved, base.action, base.desired_goal))
+    replay.goal_weights = np.array([0.0, 0.25, 0.75])
+    goals = replay.sample(8_000, np.random.default_rng(0))["desired_goal"].sum(1)
+    assert np.bincount(goals, minlength=3) / 8_000 == pytest.approx([0, 0.25, 0.75], abs=0.02)
+
+
+def test_a_weighted_goal_that_no_episode_ended_in_gives_any_episode():
+    replay = replay_of()
+    replay.add(episodes_of([0, 1], [(0, 0), (1, 0)]))
+    replay.goal_weights = np.array([0.0, 0.0, 1.0])
+    slots = replay.draw_episodes(np.random.default_rng(0).random((2, 4_000)))
+    assert np.bincount(slots) / 4_000 == pytest.approx([0.5, 0.5], abs=0.03)

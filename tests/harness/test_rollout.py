@@ -31,7 +31,8 @@ def worlds():
 def test_an_episode_holds_what_the_agent_saw_and_did(worlds):
     agent, goals = Still(), worlds.goal_space.goals[[0, 1, 2]]
     worlds.reset()
-    episodes = collect(worlds, agent, goals)
+    episodes, whole = collect(worlds, agent, goals)
+    assert whole.all()
     assert episodes.observation.shape == (3, 51, worlds.observation_size)
     assert episodes.achieved_goal.shape == (3, 51, 3)
     assert episodes.action.shape == (3, 50, 4)
@@ -56,8 +57,16 @@ def test_diverged_episodes_are_left_out(worlds, monkeypatch):
     monkeypatch.setattr(BatchedStacking, "step", diverge_once)
     goals = worlds.goal_space.goals[[0, 1, 2]]
     worlds.reset()
-    episodes = collect(worlds, Still(), goals)
+    episodes, whole = collect(worlds, Still(), goals)
     np.testing.assert_array_equal(episodes.desired_goal, goals[[0, 2]])
+    assert whole.tolist() == [True, False, True]
+
+
+def test_in_a_test_episode_the_agent_does_not_explore(worlds):
+    agent = Still()
+    worlds.reset()
+    collect(worlds, agent, worlds.goal_space.goals[[0, 1, 2]], np.array([False, True, False]))
+    assert [(len(seen), deterministic) for seen, deterministic in agent.calls] == [(3, False), (1, True)] * 50
 
 
 def test_an_observation_that_is_not_finite_is_named(worlds, monkeypatch):

@@ -178,6 +178,37 @@ def test_spreads_over_actions_are_measured_in_states_of_the_first_batch_after_ea
     assert agent.update(second)["q_ext_action_spread"] == found["q_ext_action_spread"]  # nothing was collected since
 
 
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_adaptive_tau_steers_the_spread_of_q_int_to_its_share_of_that_of_q_ext(adaptive):
+    """On constructed values of known spreads, also after a resume; a fixed tau stays."""
+    options = {"tau": 0.2, "adaptive_tau": adaptive, "spread_ratio": 0.25, "tau_rate": 0.5}
+    agents = [hybrid_of(**options), hybrid_of(**options)]
+    rng = np.random.default_rng(0)
+    for cycle in range(12):
+        agent = agents[cycle > 5]
+        if cycle == 6:
+            agent.load_state_dict(agents[0].state_dict())
+        batch = random_batch(SMALL, 8, rng)
+        agent.act(*raw_of(batch))
+        agent._measured = {}
+        with pytest.MonkeyPatch.context() as patch:  # Q_ext spreads by 3, Q_int by 0.1 over the tried actions
+            for name, size in (("critics", 3.0), ("intrinsic_values", 0.1)):
+                patch.setattr(agent, name, lambda _, tried, size=size: alternating(tried, size))
+            agent._probe = torch.zeros(1, 8, SMALL.observation_size + 2 * SMALL.goal_size)
+            agent._measure(None)
+    found = agent._measured
+    assert found["q_ext_action_spread"] == pytest.approx(3)
+    assert found["tau"] == pytest.approx(0.25 * 3 / 0.1 if adaptive else 0.2, rel=0.01)
+    assert found["q_int_action_spread"] == pytest.approx(0.1 * found["tau"])
+
+
+def alternating(tried: torch.Tensor, size: float) -> torch.Tensor:
+    """Two equal values of actions (K, B, A): plus and minus `size` in turns."""
+    signs = torch.ones(tried.shape[:2])
+    signs[::2] = -1
+    return (size * signs).expand(2, -1, -1)
+
+
 def test_evaluation_is_pi_d_alone_and_draws_and_counts_nothing():
     agent, raw = hybrid_of(), raw_of(random_batch(SMALL, 6, np.random.default_rng(0)))
     before = agent.state_dict()
@@ -305,7 +336,9 @@ def test_a_target_that_is_not_finite_stops_before_it_reaches_any_weight():
     assert all(same_state(after[name], before[name]) for name in ("actor", "critics", "intrinsic_values", "optimiser"))
 
 
-@pytest.mark.parametrize("wrong", [{"q_int_normalisation": "none"}, {"popart_rate": 0.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"q_int_normalisation": "none"}, {"popart_rate": 0.0}, {"spread_ratio": 0.0}, {"tau_rate": 2.0}]
+)
 def test_settings_out_of_range_are_refused(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=name):

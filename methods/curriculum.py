@@ -1,0 +1,90 @@
+"""What a curriculum is: it decides which goals training episodes pursue, from how earlier episodes went.
+
+A run does, per cycle:
+
+    goals, tested = curriculum.draw(situation, generator)
+    episodes towards these goals; the agent acts by its deterministic policy where `tested`
+    curriculum.observe(goals, reached, tested)
+
+and, after each epoch, `curriculum.end_epoch()`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Goals:
+    """The valid goals of a task."""
+
+    bits: np.ndarray
+    """`(G, bits)` uint8, 0 or 1."""
+    layers: np.ndarray
+    """`(G,)` height of the tallest stack, in blocks."""
+    pairs: np.ndarray
+    """`(P, 3)` positions of close(i, j), on(i, j) and on(j, i) in a goal, for each pair of blocks."""
+
+    @property
+    def close(self) -> np.ndarray:
+        """`(G, P)` which pairs of blocks are close."""
+        return self.bits[:, self.pairs[:, 0]] > 0
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a curriculum may look at when it draws."""
+
+    reached: np.ndarray
+    """`(G,)` bool, which goals an episode has ended in."""
+    start: np.ndarray
+    """`(N, bits)` predicates that hold where each episode starts."""
+
+
+@dataclass(frozen=True)
+class NoSettings:
+    """A curriculum or relabelling without settings."""
+
+
+class Curriculum(ABC):
+    """Draws goals. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`."""
+
+    Config: type = NoSettings
+    idea: ClassVar[str] = ""
+    """How goals are drawn, in one line without a full stop; `curiobench list` shows it."""
+    paper: ClassVar[str] = ""
+    """Authors, year, and where to find it; shown beside it."""
+
+    def __init__(self, goals: Goals, config: Any = None) -> None:
+        self.goals, self.config = goals, config
+
+    @abstractmethod
+    def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Positions `(N,)` of goals in the list of valid ones, and `(N,)` bool: which episodes are tests, in which the
+        agent does not explore. All randomness from the generator.
+        """
+
+    def observe(self, goals: np.ndarray, reached: np.ndarray, tested: np.ndarray) -> None:  # noqa: B027 - optional
+        """Learn from N episodes: goals `(N,)` that they pursued, goals `(N,)` that they ended in (-1: none of the valid
+        ones), and which were tests `(N,)` bool. Episodes whose physics diverged are left out."""
+
+    def end_epoch(self) -> None:  # noqa: B027 - optional
+        """Called after each epoch of training."""
+
+    def replay_weights(self) -> np.ndarray | None:
+        """Probabilities `(G,)` with which the replay draws goals; None for its own way."""
+        return None
+
+    def metrics(self) -> Mapping[str, float]:
+        """Columns of progress.csv; the same names each time."""
+        return {}
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the curriculum has learned, as plain values for JSON."""
+        return {}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:  # noqa: B027 - optional
+        """Restore what `state_dict` gave."""

@@ -1,0 +1,46 @@
+"""What a relabelling is: it decides which transitions of the replay a batch holds, and under which goals."""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from curiobench.methods.curriculum import Goals, NoSettings
+
+Draw = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Slots `(B,)`, steps before the action `(B,)` and desired goals `(B, bits)`."""
+
+
+class Replay(Protocol):
+    """What a relabelling may look at; `curiobench.replay.EpisodeReplay` has it. Read only."""
+
+    steps: int
+    """T, the length of every episode."""
+    arrays: dict[str, np.ndarray]
+    """achieved_goal `(capacity, T + 1, bits)`, desired_goal `(capacity, bits)`, observation and action by slot; the
+    first `len(replay)` slots are filled."""
+    goal_ids: np.ndarray
+    """`(capacity, T + 1)` position of the achieved goal among the valid ones, -1 where it is none of them."""
+
+    def __len__(self) -> int: ...
+
+    def draw_episodes(self, uniform: np.ndarray) -> np.ndarray:
+        """Slots `(B,)` from uniform numbers `(2, B)`: as balanced over goals as the run asks for."""
+        ...
+
+
+class Relabelling(ABC):
+    """Draws transitions. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`."""
+
+    Config: type = NoSettings
+    idea: ClassVar[str] = ""
+    """How goals are relabelled, in one line without a full stop; `curiobench list` shows it."""
+    paper: ClassVar[str] = ""
+    """Authors, year, and where to find it; shown beside it."""
+
+    def __init__(self, goals: Goals, config: Any = None) -> None:
+        self.goals, self.config = goals, config
+
+    @abstractmethod
+    def draw(self, replay: Replay, size: int, generator: np.random.Generator) -> Draw:
+        """`size` transitions; all randomness from the generator."""
