@@ -12,13 +12,12 @@ import numpy as np
 import torch
 
 from curiobench.methods.capture import StaticBatch
-from curiobench.methods.guard import MethodError, reward_of
+from curiobench.methods.guard import MethodError
 from curiobench.methods.hybrid import EXPLORE, HybridAgent
 from curiobench.methods.intrinsic_value import MEMBERS
 from curiobench.methods.networks import squashed_gaussian
 from curiobench.methods.pairs import PairInputs
-from curiobench.methods.policy_view import view_policy
-from curiobench.methods.reward import Batch, PolicyView, Transitions
+from curiobench.methods.reward import Batch, Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.specs import shown
 from curiobench.probe_episodes import Played, transitions
@@ -89,7 +88,7 @@ def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[lis
         if (run.config.task, run.config.robot) != (first.task, first.robot):
             here, there = (f"{c.task} with the {c.robot}" for c in (run.config, first))
             raise ValueError(f"{run.path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
-    curious = [run for run in saved if run.agent.intrinsic is not None]
+    curious = [run for run in saved if run.agent.curiosity is not None]
     notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
         raise ValueError("; ".join(notes))
@@ -130,7 +129,7 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
         raw = score_one_by_one(run, Batch.from_numpy(probed), reference)
     except MethodError as error:
         raise ValueError(f"{run.path}: {error}") from None
-    normalised = run.agent.reward_moments.normalise(raw)
+    normalised = run.agent.curiosity.moments.normalise(raw)
     q_int = {}
     if isinstance(run.agent, HybridAgent):
         values = run.agent.q_int(probed["observation"], probed["action"])
@@ -154,7 +153,7 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     seen = what_method_sees(run.agent, together, epoch)
     rest = torch.arange(n, n + size)
     batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
-    return torch.stack([reward_of(run.agent.intrinsic, batch, run.agent.updates)[0] for batch in batches])
+    return torch.stack([run.agent.curiosity.reward(batch)[0] for batch in batches])
 
 
 def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
@@ -162,19 +161,17 @@ def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
     static = StaticBatch(agent.layout, len(batch.reward), agent.device)
     static.load(batch)
     inputs, next_inputs = agent.encoder.encode_rows(static.rows)
-    view = _view(agent, inputs, static) if agent.intrinsic.uses_policy else None
-    before, after = agent.visible(inputs.state), agent.visible(next_inputs.state)
-    particles = None if static.particles is None else agent.visible(agent.encoder.normalise(static.particles))
-    return Transitions(before, static.action, after, epoch, view, particles)
+    policy = _policy(agent, inputs) if agent.curiosity.method.uses_policy else (None, None)
+    return agent.transitions(static, (inputs.state, next_inputs.state), epoch, *policy)
 
 
-def _view(agent: SAC, inputs: PairInputs, batch: StaticBatch) -> PolicyView:
-    """What the policy that explores does in a batch's states; its samples do not touch the agent's generator."""
+def _policy(agent: SAC, inputs: PairInputs) -> tuple[tuple[torch.Tensor, torch.Tensor], ...]:
+    """Distribution and sample of the policy that explores; the sample does not touch the agent's generator."""
     distribution = agent.actor(inputs)
     if isinstance(agent, HybridAgent):
         distribution = tuple(part[EXPLORE] for part in distribution)
-    noise = torch.randn(batch.action.shape, generator=torch.Generator().manual_seed(0))
-    return view_policy(distribution, squashed_gaussian(*distribution, noise), batch.action, batch.desired_goal[0])
+    noise = torch.randn(distribution[0].shape, generator=torch.Generator().manual_seed(0))
+    return distribution, squashed_gaussian(*distribution, noise)
 
 
 def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:

@@ -1,15 +1,13 @@
 """What the agent demands of a curiosity method at run time, so that a fault stops the run where it is made.
 
-Every call of a method goes through here. What breaks a rule of `IntrinsicReward` raises MethodError, which names the
-method, its file and the update. The looks at shapes and types are free; those at values take microseconds on a CPU, and
-on CUDA, where they would make the device wait, they are made every CUDA_CHECK_EVERY updates.
+What breaks a rule raises MethodError, which names the method, its file and the update. The looks at shapes and types
+are free; those at values take microseconds on a CPU, and on CUDA, where they would make the device wait, they are made
+every CUDA_CHECK_EVERY updates. `Curiosity` asks for them.
 """
 
-import math
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +16,6 @@ from torch import Tensor
 from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.plugins import Method, file_of, summary
 from curiobench.methods.relabelling import Draw, Relabelling, Replay
-from curiobench.methods.reward import IntrinsicReward, Transitions
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
@@ -56,64 +53,7 @@ def blamed(method: Method, call: str, update: int | None = None) -> Iterator[Non
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise _fault(method, update, f"{call}() raised {summary(error)}") from error
-
-
-def reward_of(method: IntrinsicReward, transitions: Transitions, update: int) -> Tensor:
-    """r_int (B,). Raises MethodError unless it is a finite float32 tensor of that shape without gradients."""
-    # with gradients allowed, a method that forgets @torch.no_grad() is found out here and not in another agent
-    with blamed(method, "reward", update), torch.enable_grad():
-        reward = method.reward(transitions)
-    if found := flaw_of_reward(reward, len(transitions.state)):
-        raise _fault(method, update, f"reward() returned {found}")
-    if _looks_at_values(reward, update) and (found := flaw_of_values(reward)):
-        raise _fault(method, update, f"reward() returned {found}")
-    return reward
-
-
-def bonus_factor_of(method: IntrinsicReward, epoch: int, update: int) -> float:
-    """Factor of tau in this epoch. Raises MethodError unless it is a finite number of at least 0."""
-    with blamed(method, "bonus_factor", update):
-        factor = method.bonus_factor(epoch)
-    if not isinstance(factor, int | float) or not 0 <= factor < math.inf:
-        raise _fault(method, update, f"bonus_factor() returned {factor!r:.80}; expected a finite number of at least 0")
-    return float(factor)
-
-
-def update_of(
-    method: IntrinsicReward, transitions: Transitions, update: int, before: Collection[str] | None = None
-) -> dict[str, Tensor]:
-    """A method's own step; its metrics. Raises MethodError unless they are finite scalar tensors of legal names.
-
-    `before` names the metrics of the update before, which must be the same: progress.csv has one set of columns.
-    """
-    with blamed(method, "update", update), torch.enable_grad():
-        metrics = method.update(transitions)
-    if found := flaw_of_metrics(metrics, before):
-        raise _fault(method, update, f"update() returned {found}")
-    for name, value in metrics.items():
-        if _looks_at_values(value, update) and not value.isfinite():
-            raise _fault(method, update, f"update() returned {name} = {value.item()}; expected a finite number")
-    return metrics
-
-
-def policy_term_of(
-    method: IntrinsicReward, transitions: Transitions, desired_goal: Tensor, action: Tensor, update: int
-) -> Tensor | None:
-    """The method's term (B,) in the policy's loss.
-
-    Raises MethodError on another shape, which would be broadcast, another type, and values that are not finite.
-    """
-    with blamed(method, "policy_loss_term", update):
-        term = method.policy_loss_term(transitions, desired_goal, action)
-    if term is None:
-        return None
-    found = flaw_of_term(term, len(action))
-    if not found and _looks_at_values(term, update):
-        found = flaw_of_values(term.detach())
-    if found:
-        raise _fault(method, update, f"policy_loss_term() returned {found}")
-    return term
+        raise fault(method, update, f"{call}() raised {summary(error)}") from error
 
 
 def goals_drawn(
@@ -124,9 +64,9 @@ def goals_drawn(
         goals, tested = curriculum.draw(situation, generator)
     n, n_goals = len(situation.start), len(situation.reached)
     if found := _flaw_of_positions(goals, n, n_goals):
-        raise _fault(curriculum, None, f"draw() returned goals that are {found}")
+        raise fault(curriculum, None, f"draw() returned goals that are {found}")
     if not isinstance(tested, np.ndarray) or tested.shape != (n,) or tested.dtype != bool:
-        raise _fault(
+        raise fault(
             curriculum, None, f"draw() returned tests that are {_outline(tested)}; expected bool of shape {(n,)}"
         )
     return goals, tested
@@ -138,12 +78,10 @@ def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, gener
         slot, step, desired = relabelling.draw(replay, size, generator)
     for what, positions, limit in (("slots", slot, len(replay)), ("steps", step, replay.steps)):
         if found := _flaw_of_positions(positions, size, limit):
-            raise _fault(relabelling, None, f"draw() returned {what} that are {found}")
+            raise fault(relabelling, None, f"draw() returned {what} that are {found}")
     shape = size, replay.arrays["desired_goal"].shape[-1]
     if not isinstance(desired, np.ndarray) or desired.shape != shape or desired.dtype != np.uint8:
-        raise _fault(
-            relabelling, None, f"draw() returned {_outline(desired)} as goals; expected uint8 of shape {shape}"
-        )
+        raise fault(relabelling, None, f"draw() returned {_outline(desired)} as goals; expected uint8 of shape {shape}")
     return slot, step, desired
 
 
@@ -154,15 +92,6 @@ def _flaw_of_positions(positions: object, size: int, limit: int) -> str | None:
     if positions.size and not (positions.min() >= 0 and positions.max() < limit):
         return f"{positions.min()} to {positions.max()}; expected 0 to {limit - 1}"
     return None
-
-
-def state_of(method: IntrinsicReward, update: int) -> dict[str, Any]:
-    """The method's state. Raises MethodError on what a checkpoint could not give back."""
-    with blamed(method, "state_dict", update):
-        state = method.state_dict()
-    if found := flaw_of_state(state):
-        raise _fault(method, update, f"state_dict() returned {found}")
-    return state
 
 
 def flaw_of_reward(reward: object, size: int) -> str | None:
@@ -234,11 +163,13 @@ def _outline(value: object) -> str:
     return f"a {value.dtype} tensor of shape {tuple(value.shape)}{gradients}"
 
 
-def _looks_at_values(tensor: Tensor, update: int) -> bool:
+def looks_at_values(tensor: Tensor, update: int) -> bool:
+    """Whether this update may wait for a tensor's values."""
     return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
 
 
-def _fault(method: Method, update: int | None, what: str) -> MethodError:
+def fault(method: Method, update: int | None, what: str) -> MethodError:
+    """The error that names a method, its file and, if there is one, the update."""
     cls = type(method)
     at = "" if update is None else f", update {update}"
     return MethodError(f"method {cls.__module__}:{cls.__qualname__} in {file_of(cls)}{at}: {what}")

@@ -78,7 +78,7 @@ class HybridAgent(SAC):
         layout: PairLayout,
         config: SACConfig,
         generator: torch.Generator,
-        intrinsic: IntrinsicReward,
+        method: IntrinsicReward,
         hybrid: HybridConfig | None = None,
     ) -> None:
         """
@@ -86,12 +86,11 @@ class HybridAgent(SAC):
             layout: where blocks and predicate bits stand in observations and goals.
             config: settings of both policies and all critics; tau weighs Q_int.
             generator: its device is the agent's.
-            intrinsic: the curiosity method.
+            method: the curiosity method.
             hybrid: settings of the mechanism; its defaults if None.
         """
-        super().__init__(layout, config, generator, intrinsic)
+        super().__init__(layout, config, generator, method)
         self.hybrid = hybrid = hybrid or HybridConfig()
-        self._tau_factor = 1.0
         self.actor = PolicyPair(self.actor)
         self.log_alpha = nn.Parameter(self.log_alpha.detach().repeat(2))
         self.intrinsic_values = IntrinsicValues(
@@ -105,11 +104,6 @@ class HybridAgent(SAC):
         self._exploited = self._acted = 0
         self._measured: dict[str, float] = {}
         self._probe: Tensor | None = None  # rows of `StaticBatch`
-
-    @property
-    def tau(self) -> float:
-        """Weight of Q_int now."""
-        return super().tau * self._tau_factor
 
     @torch.no_grad()
     def act(
@@ -135,7 +129,9 @@ class HybridAgent(SAC):
     def _values(self, inputs: PairInputs, actions: Tensor) -> Tensor:
         """Q_d(s, a_d, g) and Q_c(s, a_c, g) together (2, N), of actions (2, N, A)."""
         values = self.critics(inputs, actions).min(0).values
-        values[EXPLORE] += self.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
+        values[EXPLORE] += (
+            self.curiosity.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
+        )
         return values
 
     @torch.no_grad()
@@ -169,8 +165,8 @@ class HybridAgent(SAC):
                 distributions = self.actor(inputs)
                 sample = squashed_gaussian(*distributions, noise[1])
             explorer = [(first[EXPLORE], second[EXPLORE]) for first, second in (distributions, sample)]
-        transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, *explorer)
-        raw, normalised, learned = self._curiosity(self.intrinsic, transitions)
+        transitions = self.transitions(batch, (inputs.state, next_inputs.state), epoch, *explorer)
+        raw, normalised, learned = self.curiosity.learn(transitions)
         targets = self._both_targets(next_inputs, batch.reward, (raw, normalised), noise[0])
         losses, metrics = self._all_losses(inputs, batch, targets, sample if acts else None, transitions)
         self._descend(losses, acts)
@@ -215,7 +211,7 @@ class HybridAgent(SAC):
             "q_int": self.intrinsic_values.loss(stored_int, targets[1]),
         }
         if sample is not None:
-            own[EXPLORE] = own[EXPLORE] + self.tau * own_int[0][self._explores_by]
+            own[EXPLORE] = own[EXPLORE] + self.curiosity.tau * own_int[0][self._explores_by]
             term = self._policy_term(transitions, batch.desired_goal[0], sample[0][EXPLORE])
             found |= self._policy_losses(own, sample[1], (None, term))
         metrics = {name: value for _, of_loss in found.values() for name, value in of_loss.items()}
@@ -250,12 +246,12 @@ class HybridAgent(SAC):
         tried = torch.rand(shape, generator=generator).to(self.device) * 2.0 - 1.0
         (inputs,) = self.encoder.encode_rows(self._probe)
         q_ext = self.critics(inputs, tried).min(0).values
-        q_int = self.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
+        q_int = self.curiosity.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
         self._measured = {
             "share_exploitation": self._exploited / self._acted,
             "q_ext_action_spread": q_ext.std(0, correction=0).mean().item(),
             "q_int_action_spread": q_int.std(0, correction=0).mean().item(),
-            "tau": self.tau,
+            "tau": self.curiosity.tau,
         }
         self._exploited = self._acted = 0
         if self.hybrid.adaptive_tau:
@@ -266,19 +262,17 @@ class HybridAgent(SAC):
         if of_q_ext > 0 and of_q_int > 0:
             step = self.hybrid.spread_ratio * of_q_ext / of_q_int
             low, high = TAU_RANGE
-            self._tau_factor = min(max(self._tau_factor * step**self.hybrid.tau_rate, low), high)
+            self.curiosity.scale = min(max(self.curiosity.scale * step**self.hybrid.tau_rate, low), high)
 
     def state_dict(self) -> dict[str, Any]:
-        """As `SAC.state_dict`, with Q_int, the counts of pi_d's share, what was measured on which states, and tau."""
+        """As `SAC.state_dict`, with Q_int, the counts of pi_d's share, and what was measured on which states."""
         counts = {"exploited": self._exploited, "acted": self._acted, "measured": dict(self._measured)}
-        counts["tau_factor"] = self._tau_factor
         return super().state_dict() | counts | {"probe": None if self._probe is None else self._probe.clone()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """As `SAC.load_state_dict`."""
         super().load_state_dict(state)
         self._exploited, self._acted, self._measured = state["exploited"], state["acted"], dict(state["measured"])
-        self._tau_factor = state["tau_factor"]
         self._probe = None if state["probe"] is None else state["probe"].to(self.device, copy=True)
 
 

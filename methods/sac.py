@@ -23,18 +23,9 @@ import torch
 from torch import Tensor, nn
 
 from curiobench.methods.capture import CapturedStep, StaticBatch
-from curiobench.methods.guard import (
-    CUDA_CHECK_EVERY,
-    NonFiniteError,
-    blamed,
-    bonus_factor_of,
-    policy_term_of,
-    reward_of,
-    state_of,
-    update_of,
-)
+from curiobench.methods.curiosity import Curiosity
+from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.losses import Metrics, bootstrapped_target, critic_loss, policy_loss, temperature_loss
-from curiobench.methods.moments import RunningMoments
 from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
 from curiobench.methods.pairs import PairEncoder, PairInputs, PairLayout
 from curiobench.methods.policy_view import view_policy
@@ -48,38 +39,35 @@ LEAST_RATE = 0.1
 class SAC:
     """The agent. All randomness comes from `generator`: initial weights, exploration, and noise in the losses."""
 
-    _STATEFUL = ("encoder", "actor", "critics", "target_critics", "reward_moments", "optimiser")
+    _STATEFUL = ("encoder", "actor", "critics", "target_critics", "optimiser")
 
     def __init__(
         self,
         layout: PairLayout,
         config: SACConfig,
         generator: torch.Generator,
-        intrinsic: IntrinsicReward | None = None,
+        method: IntrinsicReward | None = None,
     ) -> None:
         """
         Args:
             layout: where blocks and predicate bits stand in observations and goals.
             config: settings.
             generator: its device is the agent's.
-            intrinsic: the curiosity method, or None for the extrinsic reward alone.
+            method: the curiosity method, or None for the extrinsic reward alone.
         """
-        self.layout, self.config, self.generator, self.intrinsic = layout, config, generator, intrinsic
+        self.layout, self.config, self.generator = layout, config, generator
         self.device = generator.device
+        curious = layout, config.tau, config.reward_window, self.device
+        self.curiosity = None if method is None else Curiosity(method, *curious)
         self.encoder = PairEncoder(layout, config, self.device)
         self.actor = Actor(self.encoder, config, generator)
         self.critics = TwinCritics(self.encoder, config, generator)
         self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
         self.log_alpha = nn.Parameter(torch.tensor(config.temperature, device=self.device).log())
-        self.reward_moments = RunningMoments((), min_std=1e-8, window=config.reward_window, device=self.device)
         self._train([*self.actor.parameters(), *self.critics.parameters()])
         self._targets, self._sources = list(self.target_critics.parameters()), list(self.critics.parameters())
-        self._seen = None if intrinsic is None or intrinsic.sees == "full" else layout.columns(intrinsic.sees)
         self.updates = 0
-        self.bonus_factor = 1.0
-        """The curiosity method's factor of tau, as of the last update."""
         self._static: StaticBatch | None = None
-        self._learned: tuple[str, ...] | None = None  # names of the curiosity method's metrics
 
     def _train(self, weights: list[nn.Parameter]) -> None:
         """Set up Adam for these weights and, if it is tuned, the temperature."""
@@ -154,7 +142,7 @@ class SAC:
         self._static.load(batch)
         self._set_learning_rate()
         acts = self.updates % self.config.actor_every == 0
-        metrics = self._captured[acts]() if self.intrinsic is None else self._learn(self._static, epoch, acts)
+        metrics = self._captured[acts]() if self.curiosity is None else self._learn(self._static, epoch, acts)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
             self._check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
@@ -176,10 +164,10 @@ class SAC:
             with torch.set_grad_enabled(acts):
                 distribution = self.actor(inputs)
                 sample = squashed_gaussian(*distribution, noise[1])
-        if self.intrinsic is not None:
-            transitions = self._transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
-            _, normalised, learned = self._curiosity(self.intrinsic, transitions)
-            batch.reward.add_(normalised, alpha=self.tau)
+        if self.curiosity is not None:
+            transitions = self.transitions(batch, (inputs.state, next_inputs.state), epoch, distribution, sample)
+            _, normalised, learned = self.curiosity.learn(transitions)
+            batch.reward.add_(normalised, alpha=self.curiosity.tau)
             metrics |= learned
         target = self._target(next_inputs, batch.reward, noise[0])
         losses, more = self._losses(inputs, batch, target, sample if acts else None, transitions)
@@ -198,7 +186,7 @@ class SAC:
             parameter.grad = gradient
         self.optimiser.step()
 
-    def _transitions(
+    def transitions(
         self,
         batch: StaticBatch,
         states: tuple[Tensor, Tensor],
@@ -209,46 +197,18 @@ class SAC:
         """What the curiosity method sees, from states (B, D) before and after the step and the policy that explores."""
         shown = self._shows_policy
         view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if shown else None
-        before, after = map(self.visible, states)
-        particles = batch.particles
-        if particles is not None:
-            particles = self.visible(self.encoder.normalise(particles))
-        return Transitions(before, batch.action, after, epoch, view, particles)
-
-    def visible(self, state: Tensor) -> Tensor:
-        """What the curiosity method sees (B, S) of normalised states (B, D)."""
-        return state if self._seen is None else state[:, self._seen]
+        particles = None if batch.particles is None else self.encoder.normalise(batch.particles)
+        return self.curiosity.transitions(states, batch.action, epoch, view, particles)
 
     @property
     def n_particles(self) -> int:
         """How many states of the replay the curiosity method wants beside each batch."""
-        return 0 if self.intrinsic is None else self.intrinsic.n_particles
-
-    @property
-    def tau(self) -> float:
-        """Weight of curiosity now."""
-        return self.config.tau * self.bonus_factor
+        return 0 if self.curiosity is None else self.curiosity.method.n_particles
 
     @property
     def _shows_policy(self) -> bool:
         """Whether the curiosity method asks for a view of the policy."""
-        return self.intrinsic is not None and self.intrinsic.uses_policy
-
-    @torch.no_grad()
-    def _curiosity(self, method: IntrinsicReward, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
-        """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
-        self.bonus_factor = bonus_factor_of(method, transitions.epoch, self.updates)
-        raw = reward_of(method, transitions, self.updates)
-        normalised = self.reward_moments.normalise(raw)
-        self.reward_moments.update(raw)
-        learned = update_of(method, transitions, self.updates, self._learned)
-        self._learned = tuple(learned)
-        metrics = {
-            "intrinsic_raw": raw.mean(),
-            "intrinsic_normalised": normalised.mean(),
-            "bonus_spread": self.tau * normalised.std(correction=0),
-        }
-        return raw, normalised, metrics | learned
+        return self.curiosity is not None and self.curiosity.method.uses_policy
 
     @torch.no_grad()
     def _target(self, next_inputs: PairInputs, reward: Tensor, noise: Tensor) -> Tensor:
@@ -289,9 +249,9 @@ class SAC:
 
     def _policy_term(self, transitions: Transitions | None, desired_goal: Tensor, action: Tensor) -> Tensor | None:
         """What the curiosity method adds to log pi in the policy's loss, (B,) for the policy's own actions (B, A)."""
-        if self.intrinsic is None or transitions is None:
+        if self.curiosity is None or transitions is None:
             return None
-        return policy_term_of(self.intrinsic, transitions, desired_goal, action, self.updates)
+        return self.curiosity.policy_term(transitions, desired_goal, action)
 
     def _check(self, losses: dict[str, Tensor]) -> None:
         """Raise NonFiniteError unless all losses are finite. Waits for the device."""
@@ -305,10 +265,9 @@ class SAC:
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
         state = {name: getattr(self, name).state_dict() for name in self._STATEFUL}
-        state["intrinsic"] = None if self.intrinsic is None else state_of(self.intrinsic, self.updates)
         state |= {
+            "curiosity": None if self.curiosity is None else self.curiosity.state_dict(),
             "updates": self.updates,
-            "bonus_factor": self.bonus_factor,
             "generator": self.generator.get_state(),
             "log_alpha": self.log_alpha.detach(),
         }
@@ -320,14 +279,13 @@ class SAC:
         Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent, MethodError where the
         curiosity method does not take its own.
         """
-        if (state["intrinsic"] is None) != (self.intrinsic is None):
+        if (state["curiosity"] is None) != (self.curiosity is None):
             raise ValueError("the saved agent and this one do not have the same curiosity method")
         state = copy.deepcopy(state)  # the optimiser keeps what it is given
         for name in self._STATEFUL:
             getattr(self, name).load_state_dict(state[name])
-        self.updates, self.bonus_factor = state["updates"], state["bonus_factor"]
+        self.updates = state["updates"]
         self.generator.set_state(state["generator"])
         self.log_alpha.data.copy_(state["log_alpha"])
-        if self.intrinsic is not None:
-            with blamed(self.intrinsic, "load_state_dict", self.updates):
-                self.intrinsic.load_state_dict(state["intrinsic"])
+        if self.curiosity is not None:
+            self.curiosity.load_state_dict(state["curiosity"])

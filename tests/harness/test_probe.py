@@ -141,9 +141,9 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
     n_particles = run.agent.n_particles
     arrays["particles"] = reference.next_observation[-n_particles:].numpy() if n_particles else None
     batch = what_method_sees(run.agent, Batch.from_numpy(arrays), epoch=1)
-    raw = run.agent.intrinsic.reward(batch)[0]
+    raw = run.agent.curiosity.method.reward(batch)[0]
     assert reading.raw[start, step] == pytest.approx(float(raw), rel=1e-4, abs=1e-5)
-    moments = run.agent.reward_moments
+    moments = run.agent.curiosity.moments
     z_score = np.clip((float(raw) - float(moments.mean)) / float(moments.std), -5, 5)
     assert reading.normalised[start, step] == pytest.approx(z_score, rel=1e-3, abs=1e-3)
     if spec.endswith("+hm"):
@@ -186,14 +186,14 @@ def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeyp
 
 def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
     (run,), _ = open_runs([runs["mi+hm"]])
-    run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
+    run.agent.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
     assert np.unique(read(run, played[0], reference).raw) == [run.epoch]
     assert np.unique(read(replace(run, asked_as_of=500), played[0], reference).raw) == [500]
 
 
 def test_a_method_that_gives_nan_is_named(runs, played, reference):
     (run,), _ = open_runs([runs["rnd"]])
-    run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), torch.nan)
+    run.agent.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), torch.nan)
     with pytest.raises(ValueError, match=r"rnd: .*RND.*nan"):
         read(run, played[0], reference)
 
@@ -204,7 +204,7 @@ def test_states_are_normalised_as_in_training(runs, played):
     batch = Batch.from_numpy({n: a[:16] for n, a in transitions(played[0].episodes).items()})
     probed = what_method_sees(run.agent, batch, epoch=1)
     caught = []
-    run.agent.intrinsic.reward = lambda seen: caught.append(seen) or torch.zeros(16)
+    run.agent.curiosity.method.reward = lambda seen: caught.append(seen) or torch.zeros(16)
     run.agent.update(batch, epoch=1)
     for name in ("state", "action", "next_state", "epoch"):
         assert torch.equal(torch.as_tensor(getattr(probed, name)), torch.as_tensor(getattr(caught[0], name))), name

@@ -204,8 +204,10 @@ def test_a_method_sees_nothing_but_what_it_is_set_to(spec, sees):
         agent.update(random_batch(layout, 16, rng))
 
     def rewards(states: torch.Tensor) -> torch.Tensor:
-        seen = agent.visible(states)
-        return agent.intrinsic.reward(Transitions(seen, torch.zeros(16, 4), seen, 200, particles=agent.visible(others)))
+        seen = agent.curiosity.visible(states)
+        return agent.curiosity.method.reward(
+            Transitions(seen, torch.zeros(16, 4), seen, 200, particles=agent.curiosity.visible(others))
+        )
 
     states, others = torch.from_numpy(rng.normal(size=(2, 16, layout.observation_size))).float()
     before = rewards(states)

@@ -264,7 +264,7 @@ class Offset(Counting):
 def test_q_int_recovers_the_exact_value_of_a_two_state_world():
     gamma, batch = 0.5, two_state_batch(64)
     agent = hybrid_of(gamma=gamma, learning_rate=3e-3, polyak=0.5, layer_norm=False, popart_rate=0.05)
-    agent.intrinsic = Offset(0, 0, Counting.Config(), None)
+    agent.curiosity.method = Offset(0, 0, Counting.Config(), None)
     for count in range(600):
         agent.optimiser.param_groups[0]["lr"] = 3e-3 * min(1, 2 - count / 300)  # to nothing, so that the values settle
         agent.update(batch)
@@ -322,7 +322,7 @@ def test_saved_agent_continues_to_the_bit(normalisation):
 
 def test_state_of_a_plain_agent_is_refused():
     with pytest.raises((KeyError, RuntimeError)):
-        hybrid_of().load_state_dict(agent_of(intrinsic=Counting(0, 0, Counting.Config(), None)).state_dict())
+        hybrid_of().load_state_dict(agent_of(method=Counting(0, 0, Counting.Config(), None)).state_dict())
 
 
 def test_a_target_that_is_not_finite_stops_before_it_reaches_any_weight():
@@ -351,5 +351,8 @@ def test_page_gives_the_defaults_and_the_logged_names():
     settings = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \| [^|]+ \|$", page, re.MULTILINE))
     assert settings == {name: str(field.default) for name, field in HybridConfig.__dataclass_fields__.items()}
     agent, batch = hybrid_of(tune_temperature=True), random_batch(SMALL, 8, np.random.default_rng(0))
-    own = step(agent, batch)[1].keys() - agent_of(intrinsic=agent.intrinsic, tune_temperature=True).update(batch).keys()
+    own = (
+        step(agent, batch)[1].keys()
+        - agent_of(method=agent.curiosity.method, tune_temperature=True).update(batch).keys()
+    )
     assert set(re.findall(r"^\| `(\w+)` \| [^|]+ \|$", page, re.MULTILINE)) == own

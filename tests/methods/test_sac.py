@@ -11,17 +11,12 @@ import torch
 from curiosity import mutated
 from layouts import SMALL, layout_of
 
+from curiobench.methods.curiosity import Curiosity
+from curiobench.methods.losses import bootstrapped_target, critic_loss, policy_loss, temperature_loss
 from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-from curiobench.methods.sac import (
-    SAC,
-    NonFiniteError,
-    bootstrapped_target,
-    critic_loss,
-    policy_loss,
-    temperature_loss,
-)
+from curiobench.methods.sac import SAC, NonFiniteError
 from curiobench.methods.settings import SACConfig
 
 
@@ -75,8 +70,8 @@ def random_batch(layout: PairLayout, size: int, rng: np.random.Generator) -> Bat
     )
 
 
-def agent_of(seed: int = 0, layout: PairLayout = SMALL, intrinsic: IntrinsicReward | None = None, **config) -> SAC:
-    return SAC(layout, SACConfig(**{"hidden": 16, **config}), torch.Generator().manual_seed(seed), intrinsic)
+def agent_of(seed: int = 0, layout: PairLayout = SMALL, method: IntrinsicReward | None = None, **config) -> SAC:
+    return SAC(layout, SACConfig(**{"hidden": 16, **config}), torch.Generator().manual_seed(seed), method)
 
 
 def same_state(first, second) -> bool:
@@ -134,7 +129,7 @@ def test_training_twice_gives_the_same_bits(pairs, identities):
 def test_saved_agent_continues_to_the_bit(intrinsic):
     def make(seed: int) -> SAC:
         method = intrinsic and Counting(SMALL.observation_size, SMALL.action_size, intrinsic, None)
-        return agent_of(seed, intrinsic=method, tune_temperature=True)
+        return agent_of(seed, method=method, tune_temperature=True)
 
     rng, first, second = np.random.default_rng(5), make(0), make(1)
     batches = [random_batch(SMALL, 8, rng) for _ in range(7)]
@@ -155,7 +150,7 @@ def test_saved_agent_continues_to_the_bit(intrinsic):
 def test_state_of_another_kind_of_agent_is_refused():
     state = agent_of().state_dict()
     with pytest.raises(ValueError, match="same curiosity method"):
-        agent_of(intrinsic=Counting(0, 0, Counting.Config(), None)).load_state_dict(state)
+        agent_of(method=Counting(0, 0, Counting.Config(), None)).load_state_dict(state)
     with pytest.raises(RuntimeError, match="size mismatch"):
         agent_of(hidden=8).load_state_dict(state)
 
@@ -236,14 +231,15 @@ def test_the_policy_moves_every_other_update_only(spec):
     assert not same_state(agent.actor.state_dict(), before[0])
 
 
-def check_intrinsic_reward(cls: type[SAC]) -> None:
+def check_intrinsic_reward(cls: type[Curiosity]) -> None:
     """r_int is added as a z-score by its past, as it was before the method learned from the batch, and as it is."""
     method = Counting(0, 0, Counting.Config(), None)
-    agent = cls(SMALL, SACConfig(hidden=16, tau=0.5), torch.Generator().manual_seed(0), method)
+    agent = agent_of(method=method, tau=0.5)
+    agent.curiosity = cls(method, SMALL, tau=0.5)
     rng = np.random.default_rng(0)
     first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
     agent.update(first, epoch=3)
-    past = agent.reward_moments.state_dict()
+    past = agent.curiosity.moments.state_dict()
     metrics = agent.update(second, epoch=4)
     assert [(updates, seen.epoch) for updates, seen in method.seen] == [(0, 3), (1, 4)]
     raw = (second.next_observation.clamp(-5, 5) - second.observation.clamp(-5, 5)).abs().mean(1)
@@ -254,7 +250,7 @@ def check_intrinsic_reward(cls: type[SAC]) -> None:
 
 
 def test_intrinsic_reward_is_added_normalised_by_the_past_and_taken_before_the_method_learns():
-    check_intrinsic_reward(SAC)
+    check_intrinsic_reward(Curiosity)
 
 
 class Shrinking(Counting):
@@ -267,8 +263,7 @@ class Shrinking(Counting):
 @pytest.mark.parametrize(("window", "alive"), [(10, True), (None, False)])
 def test_a_reward_that_shrinks_stays_alive_where_its_statistics_forget(window, alive):
     rng = np.random.default_rng(0)
-    intrinsic = Shrinking(0, 0, Counting.Config(), None)
-    agent = agent_of(intrinsic=intrinsic, reward_window=window)
+    agent = agent_of(method=Shrinking(0, 0, Counting.Config(), None), reward_window=window)
     spread = [agent.update(random_batch(SMALL, 64, rng))["bonus_spread"].item() for _ in range(200)]
     assert (min(spread[150:]) > 0.1 * agent.config.tau) == alive
 
@@ -277,22 +272,22 @@ def test_a_reward_that_shrinks_stays_alive_where_its_statistics_forget(window, a
     ("old", "new"),
     [
         # a filter over what is stepped or sampled together, instead of over time
-        ("self.reward_moments.normalise(raw)", "(raw - raw.mean()) / raw.std(correction=0)"),
+        ("self.moments.normalise(raw)", "(raw - raw.mean()) / raw.std(correction=0)"),
         # the sum that some filters keep to find their scale, returned in place of the reward
         (
-            "raw = reward_of(method, transitions, self.updates)",
-            "raw = self.sum_ = reward_of(method, transitions, self.updates) + 0.95 * getattr(self, 'sum_', 0)",
+            "raw = self.reward(transitions)",
+            "raw = self.sum_ = self.reward(transitions) + 0.95 * getattr(self, 'sum_', 0)",
         ),
         # normalised by statistics that already hold the batch
         (
-            "normalised = self.reward_moments.normalise(raw)",
-            "self.reward_moments.update(raw); normalised = self.reward_moments.normalise(raw)",
+            "normalised = self.moments.normalise(raw)",
+            "self.moments.update(raw); normalised = self.moments.normalise(raw)",
         ),
     ],
 )
 def test_mistaken_reward_filters_are_found(old: str, new: str):
     with pytest.raises(AssertionError):
-        check_intrinsic_reward(mutated(SAC, old, new))
+        check_intrinsic_reward(mutated(Curiosity, old, new))
 
 
 def test_relabelling_does_not_change_what_a_method_sees():
@@ -301,7 +296,7 @@ def test_relabelling_does_not_change_what_a_method_sees():
     seen = []
     for one in (batch, relabelled):
         method = Counting(0, 0, Counting.Config(), None)
-        agent_of(intrinsic=method).update(one)
+        agent_of(method=method).update(one)
         seen.append(method.seen[0][1])
     assert all(same_state(getattr(seen[0], f.name), getattr(seen[1], f.name)) for f in fields(Transitions))
 
@@ -309,7 +304,7 @@ def test_relabelling_does_not_change_what_a_method_sees():
 def test_policy_loss_term_moves_the_policy():
     def mean_action(term: float | None) -> float:
         rng = np.random.default_rng(0)
-        agent = agent_of(intrinsic=Counting(0, 0, Counting.Config(term), None), tau=0.0, temperature=1.0)
+        agent = agent_of(method=Counting(0, 0, Counting.Config(term), None), tau=0.0, temperature=1.0)
         for _ in range(60):
             agent.update(random_batch(SMALL, 8, rng))
         raw = random_batch(SMALL, 64, rng)

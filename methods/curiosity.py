@@ -1,0 +1,160 @@
+"""A curiosity method inside an agent: what it is shown, its reward normalised, and its faults named."""
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.guard import (
+    blamed,
+    fault,
+    flaw_of_metrics,
+    flaw_of_reward,
+    flaw_of_state,
+    flaw_of_term,
+    flaw_of_values,
+    looks_at_values,
+)
+from curiobench.methods.losses import Metrics
+from curiobench.methods.moments import RunningMoments
+from curiobench.methods.pairs import PairLayout
+from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
+
+
+class Curiosity:
+    """A method, the statistics that z-score its reward, and its weight tau.
+
+    Every call of the method goes through here, and raises MethodError where the method raises or breaks a rule of
+    `IntrinsicReward`. The agent, the hybrid mechanism and the probe hold it alike.
+
+    Attributes:
+        method: the curiosity method.
+        moments: of all r_int so far, or of those within a window.
+        factor: the method's factor of tau, as of the last batch.
+        scale: a further factor of tau, which the hybrid mechanism may steer.
+        updates: batches that the method has learned from.
+    """
+
+    def __init__(
+        self,
+        method: IntrinsicReward,
+        layout: PairLayout,
+        tau: float,
+        window: int | None = None,
+        device: str | torch.device = "cpu",
+    ) -> None:
+        """
+        Args:
+            method: the curiosity method.
+            layout: where blocks stand in a state.
+            tau: weight of the normalised reward, before its factors.
+            window: updates over which the statistics forget; None for all history.
+            device: where the statistics live.
+        """
+        self.method, self._tau = method, tau
+        self.moments = RunningMoments((), min_std=1e-8, window=window, device=device)
+        self._columns = None if method.sees == "full" else layout.columns(method.sees)
+        self._names: tuple[str, ...] | None = None  # of the method's metrics
+        self.factor = self.scale = 1.0
+        self.updates = 0
+
+    @property
+    def tau(self) -> float:
+        """Weight of curiosity now."""
+        return self._tau * self.factor * self.scale
+
+    def visible(self, state: Tensor) -> Tensor:
+        """What the method sees (B, S) of normalised states (B, D)."""
+        return state if self._columns is None else state[:, self._columns]
+
+    def transitions(
+        self,
+        states: tuple[Tensor, Tensor],
+        action: Tensor,
+        epoch: int,
+        policy: PolicyView | None = None,
+        particles: Tensor | None = None,
+    ) -> Transitions:
+        """What the method is shown, from normalised states (B, D) before and after the step, actions (B, A) and
+        normalised particles (P, D).
+        """
+        before, after = map(self.visible, states)
+        return Transitions(before, action, after, epoch, policy, None if particles is None else self.visible(particles))
+
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,), raw: finite, float32 and without gradients."""
+        # with gradients allowed, a method that forgets @torch.no_grad() is found out here and not in another agent
+        with blamed(self.method, "reward", self.updates), torch.enable_grad():
+            reward = self.method.reward(transitions)
+        found = flaw_of_reward(reward, len(transitions.state))
+        if not found and looks_at_values(reward, self.updates):
+            found = flaw_of_values(reward)
+        self._refuse("reward", found)
+        return reward
+
+    @torch.no_grad()
+    def learn(self, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
+        """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
+        self.factor = self._factor(transitions.epoch)
+        raw = self.reward(transitions)
+        normalised = self.moments.normalise(raw)
+        self.moments.update(raw)
+        learned = self._update(transitions)
+        self._names = tuple(learned)
+        self.updates += 1
+        metrics = {
+            "intrinsic_raw": raw.mean(),
+            "intrinsic_normalised": normalised.mean(),
+            "bonus_spread": self.tau * normalised.std(correction=0),
+        }
+        return raw, normalised, metrics | learned
+
+    def policy_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
+        """The method's term (B,) in the policy's loss for the policy's own actions (B, A), or None."""
+        with blamed(self.method, "policy_loss_term", self.updates):
+            term = self.method.policy_loss_term(transitions, desired_goal, action)
+        if term is None:
+            return None
+        found = flaw_of_term(term, len(action))
+        if not found and looks_at_values(term, self.updates):
+            found = flaw_of_values(term.detach())
+        self._refuse("policy_loss_term", found)
+        return term
+
+    def _factor(self, epoch: int) -> float:
+        with blamed(self.method, "bonus_factor", self.updates):
+            factor = self.method.bonus_factor(epoch)
+        legal = isinstance(factor, int | float) and 0 <= factor < math.inf
+        self._refuse("bonus_factor", None if legal else f"{factor!r:.80}; expected a finite number of at least 0")
+        return float(factor)
+
+    def _update(self, transitions: Transitions) -> Metrics:
+        """The method's own step; its metrics, of the same names each time: progress.csv has one set of columns."""
+        with blamed(self.method, "update", self.updates), torch.enable_grad():
+            metrics = self.method.update(transitions)
+        found = flaw_of_metrics(metrics, self._names)
+        self._refuse("update", found)
+        for name, value in metrics.items():
+            if looks_at_values(value, self.updates) and not value.isfinite():
+                self._refuse("update", f"{name} = {value.item()}; expected a finite number")
+        return metrics
+
+    def _refuse(self, call: str, found: str | None) -> None:
+        if found:
+            raise fault(self.method, self.updates, f"{call}() returned {found}")
+
+    def state_dict(self) -> dict[str, Any]:
+        """The method's state, the statistics, factors of tau and the number of updates. Plain values and tensors."""
+        with blamed(self.method, "state_dict", self.updates):
+            state = self.method.state_dict()
+        self._refuse("state_dict", flaw_of_state(state))
+        own = {"factor": self.factor, "scale": self.scale, "updates": self.updates}
+        return {"method": state, "moments": self.moments.state_dict(), **own}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Restore what `state_dict` gave. Raises MethodError where the method does not take its own."""
+        self.moments.load_state_dict(state["moments"])
+        self.factor, self.scale, self.updates = state["factor"], state["scale"], state["updates"]
+        with blamed(self.method, "load_state_dict", self.updates):
+            self.method.load_state_dict(state["method"])
