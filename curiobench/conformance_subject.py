@@ -4,7 +4,7 @@ import copy
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from curiobench.methods.pairs import PairLayout
-from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
+from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.settings import SACConfig
+from curiobench.tasks.registration import EPISODE_STEPS
 
 BATCH = 64
 """Transitions in a batch, unless a property asks for more."""
@@ -39,6 +40,7 @@ class Subject:
         """One that has learned from three batches."""
         method = self.fresh(generator)
         for seed in range(3):
+            method.observe(self.collected(seed))
             method.reward(self.transitions(seed))
             method.update(self.transitions(seed))
         return method
@@ -50,7 +52,31 @@ class Subject:
         states = [torch.randn((size, observation), generator=generator).clamp(-5, 5) for _ in range(2)]
         stored = torch.rand((size, action), generator=generator) * 2 - 1
         view = self.view(seed, size) if self.method.uses_policy else None
-        return Transitions(states[0], stored, states[1], epoch=3, policy=view, particles=self.particles(seed))
+        seen = Transitions(states[0], stored, states[1], epoch=3, policy=view, particles=self.particles(seed))
+        return replace(seen, **self.around(seed, states))
+
+    def around(self, seed: int, states: list[Tensor]) -> dict[str, Tensor]:
+        """What else training tells of transitions with these states (B, D): random episodes around them."""
+        size, generator = len(states[0]), torch.Generator().manual_seed(300 + seed)
+        step = torch.randint(EPISODE_STEPS, (size,), generator=generator)
+        found = {"step": step, "episode": torch.randperm(size, generator=generator)}
+        goals = self.goals(generator, size * (EPISODE_STEPS + 1)).unflatten(0, (size, -1))
+        rows = torch.arange(size)
+        found |= {"achieved_goal": goals[rows, step], "next_achieved_goal": goals[rows, step + 1]}
+        found |= {"raw_state": 2 * states[0] + 1, "raw_next_state": 2 * states[1] + 1}
+        if self.method.uses_episode:
+            shape = (size, EPISODE_STEPS + 1, self.layout.observation_size)
+            found["episode_states"] = torch.randn(shape, generator=generator).clamp(-5, 5)
+            found["episode_states"][rows, step], found["episode_states"][rows, step + 1] = states
+            found["episode_achieved_goals"] = goals
+        return found
+
+    def collected(self, seed: int) -> Collected:
+        """Four episodes of noise."""
+        generator = torch.Generator().manual_seed(400 + seed)
+        states = torch.randn((4, EPISODE_STEPS + 1, self.layout.observation_size), generator=generator).clamp(-5, 5)
+        actions = torch.rand((4, EPISODE_STEPS, self.layout.action_size), generator=generator) * 2 - 1
+        return Collected(states, actions, self.goals(generator, 4 * (EPISODE_STEPS + 1)).unflatten(0, (4, -1)))
 
     def particles(self, seed: int) -> Tensor | None:
         """As many states as the method asks for."""
@@ -74,7 +100,12 @@ class Subject:
         seen = self.transitions(0, size)
         goals = [self.goals(generator, size) for _ in range(3)]
         reward = torch.rand(size, generator=generator).round()
-        return Batch(seen.state, seen.action, seen.next_state, *goals, reward, seen.particles)
+        of_episodes = {
+            "episode_observation": seen.episode_states,
+            "episode_achieved_goal": seen.episode_achieved_goals,
+        }
+        given = {name: getattr(seen, name) for name in ("step", "episode", "particles")}
+        return Batch(seen.state, seen.action, seen.next_state, *goals, reward, **given, **of_episodes)
 
     def agent(self, method: IntrinsicReward | None = None) -> SAC:
         """A small agent, as the preset short has it."""

@@ -103,7 +103,8 @@ def own_transitions(run: ProbedRun, seed: int) -> Batch:
     Raises ValueError where the replay is gone or damaged.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
-    return Batch.from_numpy(run.load_replay().sample(others(run), generator, run.agent.n_particles))
+    wanted = run.agent.n_particles, run.agent.uses_episode
+    return Batch.from_numpy(run.load_replay().sample(others(run), generator, *wanted))
 
 
 def others(run: ProbedRun) -> int:
@@ -145,7 +146,9 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     """
     n, size, n_particles = len(probed.reward), others(run), run.agent.n_particles
     parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name != "particles"}
-    together = Batch(**{name: torch.cat(both)[: n + size] for name, both in parts.items()})
+    together = Batch(
+        **{name: torch.cat(both)[: n + size] for name, both in parts.items() if all(part is not None for part in both)}
+    )
     if n_particles:
         states = reference.next_observation[-n_particles:] if reference.particles is None else reference.particles
         together = replace(together, particles=states)

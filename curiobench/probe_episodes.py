@@ -104,6 +104,7 @@ def reference_transitions(task: str, robot: str, seed: int) -> Batch:
 
 def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
     """All N · T transitions by the names of `Batch`, raw, episode by episode."""
+    n = len(episodes.desired_goal)
     desired = np.repeat(episodes.desired_goal, EPISODE_STEPS, axis=0).astype(np.float32)
     before, after = (
         [a[:, part].reshape(len(desired), -1) for a in (episodes.observation, episodes.achieved_goal)]
@@ -117,6 +118,10 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
         "next_achieved_goal": after[1],
         "desired_goal": desired,
         "reward": BatchedStacking.compute_reward(after[1], desired),
+        "step": np.tile(np.arange(EPISODE_STEPS), n),
+        "episode": np.repeat(np.arange(n), EPISODE_STEPS),
+        "episode_observation": np.repeat(episodes.observation, EPISODE_STEPS, axis=0),
+        "episode_achieved_goal": np.repeat(episodes.achieved_goal, EPISODE_STEPS, axis=0),
     }
 
 

@@ -179,12 +179,13 @@ class EpisodeReplay:
         return KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
 
     def sample(
-        self, batch_size: int, generator: np.random.Generator, n_particles: int = 0
+        self, batch_size: int, generator: np.random.Generator, n_particles: int = 0, episodes: bool = False
     ) -> dict[str, np.ndarray | None]:
-        """Draw transitions and, if wanted, particles. Needs at least one episode, else raises ValueError.
+        """Draw transitions and, if wanted, particles and their episodes. Raises ValueError if the replay is empty.
 
         Returns contiguous arrays named like the fields of `curiobench.methods.reward.Batch`: observations (B, D),
-        actions (B, A) and rewards (B,) float32, goals (B, bits) uint8; particles (P, D) float32 or None.
+        actions (B, A) and rewards (B,) float32, goals (B, bits) uint8, step and episode (B,) int64; particles (P, D),
+        episodes' observations (B, T + 1, D) float32 and goals (B, T + 1, bits) uint8, or None.
         """
         if not len(self):
             raise ValueError("the replay is empty")
@@ -206,7 +207,11 @@ class EpisodeReplay:
             "next_achieved_goal": next_achieved,
             "desired_goal": desired,
             "reward": np.asarray(self.compute_reward(next_achieved, desired, None), np.float32),
+            "step": step,
+            "episode": self.added - 1 - (self.added - 1 - slot) % self.config.capacity,
             "particles": self._draw_states(n_particles, generator) if n_particles else None,
+            "episode_observation": self.arrays["observation"][slot] if episodes else None,
+            "episode_achieved_goal": self.arrays["achieved_goal"][slot] if episodes else None,
         }
 
     def draw_episodes(self, uniform: np.ndarray) -> np.ndarray:

@@ -170,7 +170,7 @@ class TrainingState:
             episodes, whole = collect(self._worlds, self.agent, valid[goals], tested)
             self.replay.add(episodes)
             desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
-            self.agent.observe(episodes.observation, episodes.achieved_goal, desired)
+            self.agent.observe(episodes.observation, episodes.achieved_goal, desired, episodes.action)
         ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
         with blamed(self.curriculum, "observe"):
             self.curriculum.observe(goals[whole], ends, tested[whole])
@@ -196,8 +196,7 @@ class TrainingState:
         counts: Counter[str] = Counter()
         for _ in range(self.config.updates):
             with self.counters.timed("sampling"):
-                sizes = self.config.batch_size, self._generators["replay"], self.agent.n_particles
-                batch = Batch.from_numpy(self.replay.sample(*sizes))
+                batch = Batch.from_numpy(self._sample())
             with self.counters.timed("updating"):
                 metrics = self.agent.update(batch, epoch)
                 # summed as tensors: reading each one would make a GPU wait
@@ -208,6 +207,11 @@ class TrainingState:
                 raise NonFiniteError(f"updates {self.counters.updates} and following: {name} is {float(total)}")
             self.counters.metrics[name] = self.counters.metrics.get(name, 0.0) + float(total) / counts[name]
         self.counters.updates += self.config.updates
+
+    def _sample(self) -> dict[str, np.ndarray | None]:
+        """A batch, and what else the curiosity method asks for."""
+        agent, size = self.agent, self.config.batch_size
+        return self.replay.sample(size, self._generators["replay"], agent.n_particles, agent.uses_episode)
 
     def end_epoch(self) -> None:
         """Count an epoch and start the sums of the next."""

@@ -92,7 +92,9 @@ if __name__ == "__main__":
         "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?"))),
         "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?"))),
         "parts": parts_table(stack2[:2], sorted(RUNS.glob("parts/*"))),
-        "sb3": sb3_table(RUNS / "sb3-stack2.csv"),
+        "sb3 on stack2": sb3_table(RUNS / "sb3-stack2.csv"),
+        "sb3 on stack3": sb3_table(RUNS / "sb3-stack3.csv"),
+        "plain starts": curve_table(sorted(RUNS.glob("plain/*"))),
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))

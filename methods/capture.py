@@ -29,8 +29,8 @@ class StaticBatch:
         self.reward = torch.empty(size, device=device)
         """r_ext; becomes r_ext + tau · n(r_int)."""
         parts = (layout.observation_size, layout.goal_size, layout.goal_size)
-        self.particles: torch.Tensor | None = None
-        """(P, D) observations for the curiosity method, under which nothing is captured: they need no fixed place."""
+        self.source: Batch | None = None
+        """The batch that was loaded, for the curiosity method, under which nothing is captured."""
         self.observation, self.achieved_goal, self.desired_goal = self.rows.split(parts, dim=2)
 
     def load(self, batch: Batch) -> None:
@@ -42,7 +42,7 @@ class StaticBatch:
         self.desired_goal.copy_(batch.desired_goal)
         self.action.copy_(batch.action)
         self.reward.copy_(batch.reward)
-        self.particles = None if batch.particles is None else batch.particles.to(self.reward)
+        self.source = batch
 
 
 class CapturedStep:

@@ -1,6 +1,7 @@
-"""A curiosity method inside an agent: what it is shown, its reward normalised, and its faults named."""
+"""A curiosity method inside an agent: what it sees, its reward normalised, and its faults named."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -19,7 +20,9 @@ from curiobench.methods.guard import (
 from curiobench.methods.losses import Metrics
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.pairs import PairLayout
-from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
+from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
+
+Normalise = Callable[[Tensor], Tensor]
 
 
 class Curiosity:
@@ -65,22 +68,52 @@ class Curiosity:
         return self._tau * self.factor * self.scale
 
     def visible(self, state: Tensor) -> Tensor:
-        """What the method sees (B, S) of normalised states (B, D)."""
-        return state if self._columns is None else state[:, self._columns]
+        """What the method sees (..., S) of normalised states (..., D)."""
+        return state if self._columns is None else state[..., self._columns]
 
     def transitions(
-        self,
-        states: tuple[Tensor, Tensor],
-        action: Tensor,
-        epoch: int,
-        policy: PolicyView | None = None,
-        particles: Tensor | None = None,
+        self, states: tuple[Tensor, Tensor], batch: Batch, epoch: int, policy: PolicyView | None, normalise: Normalise
     ) -> Transitions:
-        """What the method is shown, from normalised states (B, D) before and after the step, actions (B, A) and
-        normalised particles (P, D).
+        """What the method sees of a batch.
+
+        Args:
+            states: normalised, (B, D), before and after the step.
+            batch: the rest, on any device and of any numeric type.
+            epoch: of the paper's 500.
+            policy: for a method with `uses_policy`.
+            normalise: raw observations (..., D) to states.
         """
         before, after = map(self.visible, states)
-        return Transitions(before, action, after, epoch, policy, None if particles is None else self.visible(particles))
+        extra = {name: self._tensor(part) for name, part in vars(batch).items() if part is not None}
+        numbers = {"step": batch.step, "episode": batch.episode}
+        seen = {
+            name: self.visible(normalise(extra[source]))
+            for name, source in (("particles", "particles"), ("episode_states", "episode_observation"))
+            if source in extra
+        }
+        return Transitions(
+            before,
+            extra["action"],
+            after,
+            epoch,
+            policy,
+            achieved_goal=extra["achieved_goal"],
+            next_achieved_goal=extra["next_achieved_goal"],
+            raw_state=extra["observation"],
+            raw_next_state=extra["next_observation"],
+            **{name: None if part is None else part.to(before.device) for name, part in numbers.items()},
+            episode_achieved_goals=extra.get("episode_achieved_goal"),
+            **seen,
+        )
+
+    def _tensor(self, part: Tensor) -> Tensor:
+        return part.to(self.moments.mean.device, torch.float32)
+
+    def observe(self, observation: Tensor, action: Tensor, achieved_goal: Tensor, normalise: Normalise) -> None:
+        """Give the method collected episodes: observations (N, T + 1, D), actions (N, T, A), goals (N, T + 1, bits)."""
+        if type(self.method).observe is not IntrinsicReward.observe:
+            with blamed(self.method, "observe", self.updates):
+                self.method.observe(Collected(self.visible(normalise(observation)), action, achieved_goal))
 
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,), raw: finite, float32 and without gradients."""
@@ -112,14 +145,16 @@ class Curiosity:
 
     def policy_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
         """The method's term (B,) in the policy's loss for the policy's own actions (B, A), or None."""
-        with blamed(self.method, "policy_loss_term", self.updates):
+        update = self.updates - 1  # the method has learned from this batch already
+        with blamed(self.method, "policy_loss_term", update):
             term = self.method.policy_loss_term(transitions, desired_goal, action)
         if term is None:
             return None
         found = flaw_of_term(term, len(action))
-        if not found and looks_at_values(term, self.updates):
+        if not found and looks_at_values(term, update):
             found = flaw_of_values(term.detach())
-        self._refuse("policy_loss_term", found)
+        if found:
+            raise fault(self.method, update, f"policy_loss_term() returned {found}")
         return term
 
     def _factor(self, epoch: int) -> float:

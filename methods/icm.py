@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
+from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
 from curiobench.methods.settings import check_positive
 
@@ -58,19 +58,14 @@ class ICM(LearnedReward):
     idea = "rewards transitions that a forward model predicts badly, among features that actions influence"
     paper = "Pathak et al. 2017, arXiv 1705.05363"
     Config = ICMConfig
-    _STATEFUL = ("encoder", "inverse", "forward", "optimiser")
+    _STATEFUL = ("phi", "forward", "optimiser")
 
     def __init__(self, state_size: int, action_size: int, config: ICMConfig, generator: torch.Generator) -> None:
         self.config = config
         hidden, features = config.hidden, config.features
-        self.encoder = perceptron([state_size, hidden, features], generator)
-        self.inverse = perceptron([2 * features, hidden, action_size], generator, out_gain=1.0)
+        self.phi = InverseFeatures(state_size, action_size, hidden, features, generator)
         self.forward = perceptron([features + action_size, hidden, features], generator)
-        self.optimiser = adam([self.encoder, self.inverse, self.forward], config.learning_rate)
-
-    def features(self, transitions: Transitions) -> tuple[Tensor, Tensor]:
-        """phi(s) and phi(s'), each (B, features), in one pass."""
-        return self.encoder(torch.cat([transitions.state, transitions.next_state])).chunk(2)
+        self.optimiser = adam([self.phi, self.forward], config.learning_rate)
 
     def forward_error(self, features: Tensor, action: Tensor, next_features: Tensor) -> Tensor:
         """½ ‖f(phi(s), a) - phi(s')‖² (B,)."""
@@ -80,14 +75,13 @@ class ICM(LearnedReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,): eta times the forward model's error."""
-        features, next_features = self.features(transitions)
+        features, next_features = self.phi.of(transitions)
         return self.config.eta * self.forward_error(features, transitions.action, next_features)
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
         """One step of all three networks. Metrics: icm_inverse_loss and icm_forward_loss, both before that step."""
-        features, next_features = self.features(transitions)
-        guessed = self.inverse(torch.cat([features, next_features], dim=1))
-        inverse_loss = (guessed - transitions.action).square().mean()
+        features, next_features = self.phi.of(transitions)
+        inverse_loss = self.phi.loss(features, next_features, transitions.action)
         if not self.config.forward_trains_encoder:
             features, next_features = features.detach(), next_features.detach()
         forward_loss = self.forward_error(features, transitions.action, next_features).mean()

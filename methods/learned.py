@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
-from curiobench.methods.reward import IntrinsicReward
+from curiobench.methods.reward import IntrinsicReward, Transitions
 
 
 def perceptron(sizes: Sequence[int], generator: torch.Generator, out_gain: float = math.sqrt(2.0)) -> nn.Sequential:
@@ -48,10 +48,37 @@ def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
     optimiser.step()
 
 
+class InverseFeatures(nn.Module):
+    """Features phi(s) that let a network infer the action from phi(s) and phi(s') (Pathak et al. 2017).
+
+    They hold what the agent can influence. An encoder and the inverse network, each with one hidden layer.
+    """
+
+    def __init__(
+        self, state_size: int, action_size: int, hidden: int, features: int, generator: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.encoder = perceptron([state_size, hidden, features], generator)
+        self.inverse = perceptron([2 * features, hidden, action_size], generator, out_gain=1.0)
+
+    def forward(self, state: Tensor) -> Tensor:
+        """phi (..., features) of states (..., D)."""
+        return self.encoder(state)
+
+    def of(self, transitions: Transitions) -> tuple[Tensor, Tensor]:
+        """phi(s) and phi(s'), each (B, features), in one pass."""
+        return self(torch.cat([transitions.state, transitions.next_state])).chunk(2)
+
+    def loss(self, features: Tensor, next_features: Tensor, action: Tensor) -> Tensor:
+        """Mean over batch and actions of the squared error of the action inferred from phi(s) and phi(s')."""
+        inferred = self.inverse(torch.cat([features, next_features], dim=1))
+        return (inferred - action).square().mean()
+
+
 class LearnedReward(IntrinsicReward):
     """A method whose whole state lies in the attributes named in `_STATEFUL`: networks, optimisers, moments.
 
-    The generator is not among them: these methods draw random numbers while they are built and never again.
+    The generator is not among them: it is the agent's, which saves it.
     """
 
     _STATEFUL: ClassVar[tuple[str, ...]]

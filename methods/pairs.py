@@ -147,7 +147,7 @@ class PairEncoder:
         self._refresh()
 
     def normalise(self, observation: Tensor) -> Tensor:
-        """Observations (N, D), raw float32, as `PairInputs.state` has them."""
+        """Observations (..., D), raw float32, as `PairInputs.state` has them."""
         size = self.layout.observation_size
         return ((observation - self._shift[:size]) * self._scale[:size]).clamp_(-self.body.clip, self.body.clip)
 

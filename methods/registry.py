@@ -10,24 +10,40 @@ from dataclasses import dataclass
 
 import torch
 
+from curiobench.methods.counts import Counts
 from curiobench.methods.curriculum import Curriculum
 from curiobench.methods.dac import DAC
 from curiobench.methods.decstr import DECSTR
+from curiobench.methods.disagreement import Disagreement
+from curiobench.methods.e3b import E3B
 from curiobench.methods.hybrid import HybridAgent
 from curiobench.methods.icm import ICM
 from curiobench.methods.mcher import MultiCriteriaHER
 from curiobench.methods.mi import MI
+from curiobench.methods.ngu import NGU
 from curiobench.methods.pairs import PairLayout
 from curiobench.methods.plugins import Method, file_of, installed_methods, load_class, load_installed, summary, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
+from curiobench.methods.ride import RIDE
 from curiobench.methods.rnd import RND
 from curiobench.methods.sac import SAC
 from curiobench.methods.settings import HybridConfig, SACConfig
 from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
 
-REWARDS: dict[str, type[IntrinsicReward]] = {"icm": ICM, "rnd": RND, "dac": DAC, "re3": RE3, "mi": MI}
+REWARDS: dict[str, type[IntrinsicReward]] = {
+    "icm": ICM,
+    "rnd": RND,
+    "dac": DAC,
+    "re3": RE3,
+    "mi": MI,
+    "disagreement": Disagreement,
+    "e3b": E3B,
+    "ride": RIDE,
+    "ngu": NGU,
+    "counts": Counts,
+}
 """Curiosity methods by spec."""
 GOAL_METHODS: dict[str, type[Curriculum] | type[Relabelling]] = {"decstr": DECSTR, "mcher": MultiCriteriaHER}
 """Methods without an intrinsic reward, which decide about goals, by spec."""

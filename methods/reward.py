@@ -38,8 +38,16 @@ class Batch:
     """(B, bits), relabelled or not."""
     reward: Tensor
     """(B,) r_ext of the step under `desired_goal`."""
+    step: Tensor | None = None
+    """(B,) of the episode, from 0, before the action."""
+    episode: Tensor | None = None
+    """(B,) number of the episode, counted over the run."""
     particles: Tensor | None = None
     """(P, D) observations drawn uniformly over all steps of the replay; only for a method that asks for them."""
+    episode_observation: Tensor | None = None
+    """(B, T + 1, D) of each transition's whole episode; only for a method that asks for them."""
+    episode_achieved_goal: Tensor | None = None
+    """(B, T + 1, bits) likewise."""
 
     @classmethod
     def from_numpy(cls, arrays: Mapping[str, np.ndarray | None]) -> "Batch":
@@ -63,7 +71,11 @@ class PolicyView:
 
 @dataclass(frozen=True)
 class Transitions:
-    """The part of a batch that a curiosity method sees. It has no goal: relabelling must not change what is novel."""
+    """What a curiosity method sees of a batch. There is no desired goal: relabelling must not change what is novel.
+
+    Training fills the fields from `achieved_goal` to `episode`. Code that calls a method itself may leave out what the
+    method does not read.
+    """
 
     state: Tensor
     """(B, D) normalised and clipped to ±5."""
@@ -79,12 +91,45 @@ class Transitions:
     particles: Tensor | None = None
     """(P, D) states drawn uniformly over all steps of the replay, normalised and clipped to ±5; only for a method with
     `n_particles`. A batch is no such sample: it is balanced over goals."""
+    achieved_goal: Tensor | None = None
+    """(B, bits) predicates that hold before the step, 0 or 1."""
+    next_achieved_goal: Tensor | None = None
+    """(B, bits) predicates that hold after the step, 0 or 1."""
+    raw_state: Tensor | None = None
+    """(B, D) all of the observation before the step, in the task's units."""
+    raw_next_state: Tensor | None = None
+    """(B, D) all of the observation after the step, in the task's units."""
+    step: Tensor | None = None
+    """(B,) of the episode, from 0, before the action."""
+    episode: Tensor | None = None
+    """(B,) number of the episode, counted over the run."""
+    episode_states: Tensor | None = None
+    """(B, T + 1, D) states of each transition's whole episode, normalised and clipped to ±5; only for a method with
+    `uses_episode`. The transition leads from place `step` to the next."""
+    episode_achieved_goals: Tensor | None = None
+    """(B, T + 1, bits) predicates that hold in them; likewise."""
 
     def rows(self, places: Tensor) -> "Transitions":
         """Those at places (N,) of the batch."""
-        states = (part[places] for part in (self.state, self.action, self.next_state))
-        view = self.policy and PolicyView(**{name: part[places] for name, part in vars(self.policy).items()})
-        return Transitions(*states, self.epoch, view, self.particles)
+        parts = {
+            name: part[places] if isinstance(part, Tensor) and name != "particles" else part
+            for name, part in vars(self).items()
+        }
+        if self.policy is not None:
+            parts["policy"] = PolicyView(**{name: part[places] for name, part in vars(self.policy).items()})
+        return Transitions(**parts)
+
+
+@dataclass(frozen=True)
+class Collected:
+    """N freshly collected episodes of T steps, as a curiosity method sees them."""
+
+    states: Tensor
+    """(N, T + 1, D) normalised and clipped to ±5."""
+    actions: Tensor
+    """(N, T, A) in [-1, 1]."""
+    achieved_goals: Tensor
+    """(N, T + 1, bits) predicates that hold, 0 or 1."""
 
 
 class IntrinsicReward(ABC):
@@ -106,6 +151,9 @@ class IntrinsicReward(ABC):
     """What of the state the agent puts into `Transitions`. A method with a setting of that name takes it from there,
     and its `state_size` is that of what it sees."""
 
+    uses_episode: ClassVar[bool] = False
+    """Ask the agent for the whole episode of each transition, for novelty within an episode."""
+
     n_particles: int = 0
     """How many states of the replay the agent is asked for in each batch, as `Transitions.particles`."""
 
@@ -116,6 +164,9 @@ class IntrinsicReward(ABC):
     @abstractmethod
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
         """One gradient step on the method's own networks (or none). Metrics by name, as scalar tensors."""
+
+    def observe(self, episodes: Collected) -> None:  # noqa: B027 - optional
+        """Learn from episodes that were just collected, such as visits to count. Each episode comes once."""
 
     def bonus_factor(self, epoch: int) -> float:
         """Factor of tau in an epoch of the paper's 500, at least 0: for a bonus that is to fade (RE3).

@@ -110,10 +110,21 @@ class SAC:
             mean = torch.addcmul(mean, log_std.exp(), noise)
         return mean.tanh().cpu().numpy()
 
-    def observe(self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray) -> None:
-        """Add collected observations (..., D) and goals (..., bits) to the normalisers. Never called in evaluation."""
+    def observe(
+        self,
+        observation: np.ndarray,
+        achieved_goal: np.ndarray,
+        desired_goal: np.ndarray,
+        action: np.ndarray | None = None,
+    ) -> None:
+        """Add collected observations (..., D) and goals (..., bits) to the normalisers. Never called in evaluation.
+
+        Whole episodes, (N, T + 1, ...) with their actions (N, T, A), go to the curiosity method, too.
+        """
         flat = (np.reshape(a, (-1, a.shape[-1])) for a in (observation, achieved_goal, desired_goal))
         self.encoder.observe(*self._tensors(*flat))
+        if self.curiosity is not None and action is not None:
+            self.curiosity.observe(*self._tensors(observation, action, achieved_goal), self.encoder.normalise)
 
     def update(self, batch: Batch, epoch: int = 0) -> Metrics:
         """One step of critics, policy, temperature and curiosity method on a batch.
@@ -197,13 +208,17 @@ class SAC:
         """What the curiosity method sees, from states (B, D) before and after the step and the policy that explores."""
         shown = self._shows_policy
         view = view_policy(distribution, sample, batch.action, batch.desired_goal[0]) if shown else None
-        particles = None if batch.particles is None else self.encoder.normalise(batch.particles)
-        return self.curiosity.transitions(states, batch.action, epoch, view, particles)
+        return self.curiosity.transitions(states, batch.source, epoch, view, self.encoder.normalise)
 
     @property
     def n_particles(self) -> int:
         """How many states of the replay the curiosity method wants beside each batch."""
         return 0 if self.curiosity is None else self.curiosity.method.n_particles
+
+    @property
+    def uses_episode(self) -> bool:
+        """Whether the curiosity method wants the whole episode of each transition."""
+        return self.curiosity is not None and self.curiosity.method.uses_episode
 
     @property
     def _shows_policy(self) -> bool:

@@ -92,7 +92,7 @@ def test_relabelled_share():
 
 
 def test_samples_are_whole_transitions_contiguous_and_typed():
-    batch = filled(11).sample(64, np.random.default_rng(0), 64)
+    batch = filled(11).sample(64, np.random.default_rng(0), 64, episodes=True)
     place = batch["observation"][:, 0]
     assert (place // 100 >= 3).all()  # episodes 0 to 2 were overwritten
     np.testing.assert_array_equal(batch["next_observation"], batch["observation"] + 1)
@@ -107,7 +107,15 @@ def test_samples_are_whole_transitions_contiguous_and_typed():
         "desired_goal": "uint8",
         "reward": "float32",
         "particles": "float32",
+        "step": "int64",
+        "episode": "int64",
+        "episode_observation": "float32",
+        "episode_achieved_goal": "uint8",
     }
+    np.testing.assert_array_equal(100 * batch["episode"] + batch["step"], place)
+    rows = np.arange(64), batch["step"]
+    np.testing.assert_array_equal(batch["episode_observation"][rows], batch["observation"])
+    np.testing.assert_array_equal(batch["episode_achieved_goal"][rows], batch["achieved_goal"])
 
 
 def test_goals_are_balanced_and_only_valid_ones_drawn():
@@ -353,8 +361,8 @@ def test_particles_are_uniform_over_all_that_steps_led_to():
     assert places.tolist() == [100 * episode + step for episode in range(8) for step in range(1, STEPS + 1)]
     assert chisquare(counts).pvalue > 1e-3
     without = replay.sample(16, np.random.default_rng(0))
-    assert without.pop("particles") is None
-    assert same(without, drawn)
+    assert without["particles"] is None
+    assert same({name: array for name, array in without.items() if array is not None}, drawn)
 
 
 @pytest.mark.parametrize("method", [MI, RE3])

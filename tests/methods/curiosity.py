@@ -6,10 +6,12 @@ import sys
 import numpy as np
 import torch
 
-from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
+from curiobench.methods.reward import Collected, IntrinsicReward, PolicyView, Transitions
 
 STATE, ACTION, GOAL = 3, 2, 4
 """Sizes of states, actions and goals."""
+STEPS = 5
+"""Length of episodes."""
 PARTICLES = 12
 """States that a method is shown beside a batch."""
 
@@ -30,12 +32,34 @@ def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transiti
     goals = torch.tensor(rng.integers(0, 2, (size, GOAL)), dtype=torch.float32)
     policy = PolicyView(goals, normal(size, ACTION).tanh(), normal(size), normal(size))
     parts = normal(size, STATE), normal(size, ACTION).tanh(), normal(size, STATE).clamp(-5, 5)
-    return Transitions(*parts, epoch, policy, particles=normal(PARTICLES, STATE).clamp(-5, 5))
+    particles = normal(PARTICLES, STATE).clamp(-5, 5)
+    rows, step = torch.arange(size), torch.tensor(rng.integers(0, STEPS, size))
+    states, goals = normal(size, STEPS + 1, STATE), torch.tensor(rng.integers(0, 2, (size, STEPS + 1, GOAL))).float()
+    states[rows, step], states[rows, step + 1] = parts[0], parts[2]
+    return Transitions(
+        *parts,
+        epoch,
+        policy,
+        particles,
+        achieved_goal=goals[rows, step],
+        next_achieved_goal=goals[rows, step + 1],
+        step=step,
+        episode=rows,
+        episode_states=states,
+        episode_achieved_goals=goals,
+    )
+
+
+def collected(seed: int = 0) -> Collected:
+    """Eight episodes of noise."""
+    seen = random_transitions(seed=seed)
+    actions = torch.zeros(len(seen.state), STEPS, ACTION)
+    return Collected(seen.episode_states, actions, seen.episode_achieved_goals)
 
 
 def fresh(method: type[IntrinsicReward], seed: int = 0, sizes: tuple[int, int] = (STATE, ACTION), **config):
     """A method with small networks unless `config` says otherwise."""
-    config = {"hidden": 8} | config
+    config = ({"hidden": 8} if "hidden" in method.Config.__dataclass_fields__ else {}) | config
     goals = {"goal_size": GOAL} if method.uses_policy else {}
     return method(*sizes, method.Config(**config), torch.Generator().manual_seed(seed), **goals)
 

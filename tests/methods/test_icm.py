@@ -12,15 +12,15 @@ from curiobench.methods.icm import ICM
 
 def some_method(cls: type[ICM] = ICM, **config) -> ICM:
     method = fresh(cls, features=3, **config)
-    return shaken(method, method.encoder, method.inverse, method.forward)
+    return shaken(method, method.phi.encoder, method.phi.inverse, method.forward)
 
 
 def squared_errors(method: ICM, batch) -> tuple[np.ndarray, np.ndarray]:
     """Of the forward model, summed over features (B,); of the inverse model, each number (B, A)."""
     state, action, next_state = (t.double().numpy() for t in (batch.state, batch.action, batch.next_state))
-    features, next_features = plain(method.encoder, state), plain(method.encoder, next_state)
+    features, next_features = plain(method.phi.encoder, state), plain(method.phi.encoder, next_state)
     predicted = plain(method.forward, np.hstack([features, action]))
-    guessed = plain(method.inverse, np.hstack([features, next_features]))
+    guessed = plain(method.phi.inverse, np.hstack([features, next_features]))
     return ((predicted - next_features) ** 2).sum(1), (guessed - action) ** 2
 
 
@@ -43,9 +43,9 @@ def test_mistaken_norms_fail_the_values(old, new):
 def test_forward_loss_trains_the_encoder_only_where_asked(joint):
     """With beta = 1 there is no other loss."""
     method = some_method(beta=1.0, forward_trains_encoder=joint)
-    before = copy.deepcopy(method.encoder.state_dict())
+    before = copy.deepcopy(method.phi.encoder.state_dict())
     method.update(random_transitions(6))
-    unmoved = all(torch.equal(before[name], value) for name, value in method.encoder.state_dict().items())
+    unmoved = all(torch.equal(before[name], value) for name, value in method.phi.encoder.state_dict().items())
     assert unmoved is not joint
 
 

@@ -65,9 +65,21 @@ def random_batch(layout: PairLayout, size: int, rng: np.random.Generator) -> Bat
             "next_achieved_goal": bits(),
             "desired_goal": bits(),
             "reward": rng.integers(0, 2, size).astype(np.float32),
-            "particles": np.random.default_rng(0).normal(size=(512, layout.observation_size)).astype(np.float32),
+            **_more(layout, size),
         }
     )
+
+
+def _more(layout: PairLayout, size: int, steps: int = 5) -> dict[str, np.ndarray]:
+    """What some methods ask for: particles, and whole episodes; the same each time."""
+    rng = np.random.default_rng(0)
+    return {
+        "step": rng.integers(0, steps, size),
+        "episode": np.arange(size),
+        "particles": rng.normal(size=(512, layout.observation_size)).astype(np.float32),
+        "episode_observation": rng.normal(size=(size, steps + 1, layout.observation_size)).astype(np.float32),
+        "episode_achieved_goal": rng.integers(0, 2, (size, steps + 1, layout.goal_size)).astype(np.uint8),
+    }
 
 
 def agent_of(seed: int = 0, layout: PairLayout = SMALL, method: IntrinsicReward | None = None, **config) -> SAC:

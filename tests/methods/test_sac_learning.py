@@ -1,6 +1,6 @@
 """SAC in worlds whose solution is known: the exact value of two states, and a goal on a line."""
 
-from dataclasses import fields
+from dataclasses import MISSING, fields
 
 import numpy as np
 import torch
@@ -77,7 +77,7 @@ def run_episode(agent: SAC, rng: np.random.Generator, deterministic: bool) -> tu
         world.step(action)
         next_observation, next_achieved = world.view()
         reward = (next_achieved == desired).all(1).astype(np.float32)
-        names = [f.name for f in fields(Batch) if f.name != "particles"]
+        names = [f.name for f in fields(Batch) if f.default is MISSING]
         row = (observation, action, next_observation, achieved, next_achieved, desired, reward)
         transitions.append(dict(zip(names, row, strict=True)))
     return transitions, float(reward.mean())

@@ -1,0 +1,76 @@
+"""E3B, exploration via elliptical episodic bonuses (Henaff et al. 2022, arXiv 2210.05805): new within the episode.
+
+    phi(s)   features that let a network infer the action (ICM's inverse model)
+    C_t    = ridge · I + sum over i = 1 … t of phi(s_i) phi(s_i)ᵀ          the episode's steps before
+    r_int  = phi(s_{t+1})ᵀ C_t⁻¹ phi(s_{t+1})
+    loss   = mean squared error of the inferred action
+
+A count of visits for continuous states: with one-hot features it is 1 / (visits + ridge).
+
+Differences from the authors' code (facebookresearch/e3b), which works with IMPALA:
+
+- C_t is summed up from the whole episode for each sampled transition, with the features of today; theirs grows while
+  the episode is collected, with the features of then.
+- s_0, where the episode begins, is not in C_t: the agent did not bring it about.
+- Perceptrons on the agent's normalised state.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend
+from curiobench.methods.reward import Transitions
+from curiobench.methods.settings import check_positive
+
+
+@dataclass(frozen=True)
+class E3BConfig:
+    """Settings of E3B."""
+
+    ridge: float = 0.1
+    """Added to the diagonal of C; the authors'."""
+    hidden: int = 128
+    """Units in the hidden layer of each network."""
+    features: int = 16
+    """Length of phi."""
+    learning_rate: float = 1e-3
+    """Adam's learning rate; the agent's."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "ridge", "hidden", "features", "learning_rate")
+
+
+class E3B(LearnedReward):
+    """The elliptical episodic bonus."""
+
+    idea = "rewards next states unlike those before them in the episode, among features that actions influence"
+    paper = "Henaff et al. 2022, arXiv 2210.05805"
+    Config = E3BConfig
+    uses_episode = True
+    _STATEFUL = ("phi", "optimiser")
+
+    def __init__(self, state_size: int, action_size: int, config: E3BConfig, generator: torch.Generator) -> None:
+        self.config = config
+        self.phi = InverseFeatures(state_size, action_size, config.hidden, config.features, generator)
+        self.optimiser = adam([self.phi], config.learning_rate)
+
+    @torch.no_grad()
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,)."""
+        features = self.phi(transitions.episode_states)  # (B, T + 1, F)
+        place = torch.arange(features.shape[1], device=features.device)
+        before = (place >= 1) & (place <= transitions.step.unsqueeze(1))
+        visited = features * before.unsqueeze(2)
+        ridge = self.config.ridge * torch.eye(features.shape[2], device=features.device)
+        covariance = visited.mT @ visited + ridge
+        reached = self.phi(transitions.next_state).unsqueeze(2)
+        whitened = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), reached, upper=False)
+        return whitened.square().sum((1, 2))
+
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """One step of the features. Metrics: e3b_inverse_loss, before that step."""
+        loss = self.phi.loss(*self.phi.of(transitions), transitions.action)
+        descend(self.optimiser, loss)
+        return {"e3b_inverse_loss": loss.detach()}

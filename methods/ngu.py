@@ -1,0 +1,95 @@
+"""The episodic bonus of NGU, never give up (Badia et al. 2020, arXiv 2002.06038): far from all that the episode met.
+
+    phi(s)   features that let a network infer the action
+    d_i²     squared distance of phi(s_{t+1}) to the i-th nearest of phi(s_0) … phi(s_t), i = 1 … k
+    d_m²     running mean of these distances
+    K_i    = epsilon / (max(d_i² / d_m² - cluster, 0) + epsilon)
+    s      = sqrt(sum of K_i) + c
+    r_int  = 1 / s, or 0 where s > most
+
+Differences from the paper:
+
+- Its other factor, RND's error over the whole of training, is not part of this: `rnd` is a method of its own.
+- While an episode has fewer than k steps behind it, the sum is over those.
+- Perceptrons on the agent's normalised state; its features come from a network trained on images.
+- d_m² is a running mean over batches that forgets, here of 1 - 1/100 an update; the paper does not say.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend
+from curiobench.methods.moments import RunningMoments
+from curiobench.methods.reward import Transitions
+from curiobench.methods.settings import check_positive
+
+WINDOW = 100
+"""Updates over which the running mean of distances forgets."""
+
+
+@dataclass(frozen=True)
+class NGUConfig:
+    """Settings of NGU's episodic bonus."""
+
+    k: int = 10
+    """Nearest steps of the episode; the paper's."""
+    epsilon: float = 1e-3
+    """Of the kernel; the paper's."""
+    cluster: float = 8e-3
+    """Relative squared distance below which steps count as the same; the paper's."""
+    c: float = 1e-3
+    """Added to the similarity; the paper's."""
+    most: float = 8.0
+    """Similarity above which there is no reward; the paper's."""
+    hidden: int = 128
+    """Units in the hidden layer of each network."""
+    features: int = 32
+    """Length of phi; the paper's."""
+    learning_rate: float = 1e-3
+    """Adam's learning rate; the agent's."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "k", "epsilon", "cluster", "c", "most", "hidden", "features", "learning_rate")
+
+
+class NGU(LearnedReward):
+    """The episodic bonus alone."""
+
+    idea = "rewards next states far from all that the episode met before, among features that actions influence"
+    paper = "Badia et al. 2020, arXiv 2002.06038"
+    Config = NGUConfig
+    uses_episode = True
+    _STATEFUL = ("phi", "optimiser", "distances")
+
+    def __init__(self, state_size: int, action_size: int, config: NGUConfig, generator: torch.Generator) -> None:
+        self.config = config
+        self.phi = InverseFeatures(state_size, action_size, config.hidden, config.features, generator)
+        self.optimiser = adam([self.phi], config.learning_rate)
+        self.distances = RunningMoments((), window=WINDOW, device=generator.device)
+
+    @torch.no_grad()
+    def nearest(self, transitions: Transitions) -> Tensor:
+        """d_i² (B, k) in ascending order; infinite where the episode has fewer steps behind it."""
+        features = self.phi(transitions.episode_states)
+        squared = (features - self.phi(transitions.next_state).unsqueeze(1)).square().sum(2)
+        place = torch.arange(squared.shape[1], device=squared.device)
+        squared = squared.masked_fill(place > transitions.step.unsqueeze(1), torch.inf)
+        return squared.topk(min(self.config.k, squared.shape[1]), dim=1, largest=False).values
+
+    @torch.no_grad()
+    def reward(self, transitions: Transitions) -> Tensor:
+        """r_int (B,)."""
+        config, usual = self.config, self.distances.mean.clamp(min=1e-8).float()
+        relative = (self.nearest(transitions) / usual - config.cluster).clamp(min=0)
+        similarity = (config.epsilon / (relative + config.epsilon)).sum(1).sqrt() + config.c
+        return torch.where(similarity > config.most, 0.0, 1 / similarity)
+
+    def update(self, transitions: Transitions) -> dict[str, Tensor]:
+        """One step of the features; the distances join their mean. Metrics: ngu_inverse_loss, ngu_distance (d_m²)."""
+        nearest = self.nearest(transitions)
+        self.distances.update(nearest[nearest.isfinite()])
+        loss = self.phi.loss(*self.phi.of(transitions), transitions.action)
+        descend(self.optimiser, loss)
+        return {"ngu_inverse_loss": loss.detach(), "ngu_distance": self.distances.mean.clone()}

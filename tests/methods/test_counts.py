@@ -1,0 +1,59 @@
+"""Counts: by hand, in any order, and only of what was collected."""
+
+import numpy as np
+import pytest
+import torch
+from curiosity import ACTION, collected, fresh, random_transitions
+
+from curiobench.methods.counts import Counts
+from curiobench.methods.reward import Collected, Transitions
+
+
+def episodes(*paths: list[tuple[int, int]]) -> Collected:
+    """Of configurations of two predicates."""
+    goals = torch.tensor(paths).float()
+    n, steps = goals.shape[0], goals.shape[1] - 1
+    return Collected(torch.zeros(n, steps + 1, 3), torch.zeros(n, steps, ACTION), goals)
+
+
+def rewards(method: Counts, *reached: tuple[int, int]) -> list[float]:
+    zeros, goals = torch.zeros(len(reached), 3), torch.tensor(reached).float()
+    return method.reward(Transitions(zeros, zeros[:, :2], zeros, 0, next_achieved_goal=goals)).tolist()
+
+
+def test_rewards_by_hand():
+    """Where an episode begins does not count. A configuration never met is worth as much as one met once."""
+    method = fresh(Counts)
+    assert rewards(method, (0, 0), (1, 1)) == [1, 1]
+    method.observe(episodes([(0, 0), (0, 1), (0, 1), (0, 1)], [(0, 0), (0, 1), (1, 0), (0, 0)]))
+    assert rewards(method, (0, 0), (0, 1), (1, 0), (1, 1)) == pytest.approx([1, 0.5, 1, 1])
+    method.observe(episodes([(1, 1), (1, 1), (1, 0), (0, 0)]))
+    assert rewards(method, (0, 0), (0, 1), (1, 0), (1, 1)) == pytest.approx([2**-0.5, 0.5, 2**-0.5, 1])
+    assert method.update(random_transitions())["counts_configurations"] == 4
+
+
+def test_counts_equal_those_of_a_dict():
+    method, by_hand = fresh(Counts), {}
+    for seed in range(5):
+        new = collected(seed)
+        method.observe(new)
+        for row in new.achieved_goals[:, 1:].reshape(-1, new.achieved_goals.shape[2]).tolist():
+            by_hand[tuple(row)] = by_hand.get(tuple(row), 0) + 1
+    found = method.number_of_visits(torch.tensor(list(by_hand)))
+    assert found.tolist() == list(by_hand.values())
+
+
+def test_every_task_s_predicates_fit_and_more_are_refused():
+    bits = torch.eye(30)  # of five blocks
+    assert len(Counts.code(bits).unique()) == 30
+    assert Counts.code(torch.ones(1, 62)) == 2**62 - 1
+    with pytest.raises(ValueError, match="63 predicates"):
+        Counts.code(torch.ones(1, 63))
+
+
+def test_batches_are_not_counted():
+    method = fresh(Counts)
+    method.observe(collected())
+    before, batch = method.state_dict(), random_transitions()
+    method.update(batch)
+    np.testing.assert_array_equal(method.state_dict()["visits"], before["visits"])

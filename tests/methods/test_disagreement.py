@@ -1,0 +1,61 @@
+"""Disagreement: values in plain numpy; models agree on what they learned, and on noise."""
+
+import numpy as np
+import pytest
+import torch
+from curiosity import fresh, mutated, plain, random_transitions, shaken, transitions_of
+
+from curiobench.methods.disagreement import Disagreement
+
+
+def some_method(cls: type[Disagreement] = Disagreement, **config) -> Disagreement:
+    method = fresh(cls, models=3, **config)
+    return shaken(method, *method.models)
+
+
+def predictions(method: Disagreement, batch) -> np.ndarray:
+    """(K, B, D)."""
+    inputs = np.hstack([batch.state.double().numpy(), batch.action.double().numpy()])
+    return np.stack([plain(model, inputs) for model in method.models])
+
+
+def test_reward_and_loss_in_numpy():
+    """Each model does without every third transition, counted from its own number on."""
+    method, batch = some_method(), random_transitions(7)
+    found = predictions(method, batch)
+    np.testing.assert_allclose(method.reward(batch), found.var(axis=0).mean(axis=1), rtol=1e-4)
+    errors = ((found - batch.next_state.double().numpy()) ** 2).mean(axis=2)
+    losses = [sum(errors[k, i] for i in range(7) if i % 3 != k) / 7 for k in range(3)]
+    np.testing.assert_allclose(method.update(batch)["disagreement_loss"], np.mean(losses), rtol=1e-4)
+
+
+def test_a_sample_variance_fails_the_values():
+    method, batch = some_method(mutated(Disagreement, "correction=0", "correction=1")), random_transitions(7)
+    assert not np.allclose(method.reward(batch), predictions(method, batch).var(axis=0).mean(axis=1), rtol=0.1)
+
+
+def test_models_agree_on_what_they_learned_and_on_noise():
+    """The room is in the first number; in room 1 the next state is noise, and room 4 was never seen."""
+    rng, method = np.random.default_rng(0), fresh(Disagreement, hidden=32)
+
+    def room(number: float, noise: float, size: int = 64):
+        state = np.column_stack([np.full(size, number), rng.normal(size=(size, 2))])
+        action = rng.uniform(-1, 1, (size, 2))
+        return transitions_of(
+            state, action, np.column_stack([state[:, 0], action + noise * rng.normal(size=(size, 2))])
+        )
+
+    batches = [(room(0, 0), room(1, 1)) for _ in range(400)]
+    before = method.reward(batches[0][1]).mean()
+    for known, noisy in batches:
+        parts = [torch.cat([getattr(b, name) for b in (known, noisy)]) for name in ("state", "action", "next_state")]
+        order = torch.from_numpy(rng.permutation(128))
+        method.update(transitions_of(*(part[order] for part in parts)))
+    assert method.reward(batches[-1][1]).mean() < 0.3 * before
+    assert method.reward(room(4, 0)).mean() > 3 * method.reward(batches[-1][0]).mean()
+
+
+@pytest.mark.parametrize("wrong", [{"models": 1}, {"hidden": 0}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))} is"):
+        Disagreement.Config(**wrong)

@@ -1,0 +1,130 @@
+"""E3B, RIDE and NGU, whose rewards depend on what the episode met before: values in plain numpy, one at a time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from curiosity import fresh, mutated, plain, random_transitions, shaken
+
+from curiobench.methods.e3b import E3B
+from curiobench.methods.ngu import NGU
+from curiobench.methods.ride import RIDE
+
+
+def some_method(cls, **config):
+    method = fresh(cls, features=3, **config)
+    return shaken(method, method.phi.encoder, method.phi.inverse)
+
+
+def features_of(method, states: torch.Tensor) -> np.ndarray:
+    return plain(method.phi.encoder, states.double().numpy())
+
+
+def e3b(method: E3B, batch) -> np.ndarray:
+    rewards = []
+    for i, step in enumerate(batch.step.tolist()):
+        features = features_of(method, batch.episode_states[i])
+        before = features[1 : step + 1]
+        covariance = method.config.ridge * np.eye(3) + before.T @ before
+        rewards.append(features[step + 1] @ np.linalg.inv(covariance) @ features[step + 1])
+    return np.array(rewards)
+
+
+def ride(method: RIDE, batch) -> np.ndarray:
+    rewards = []
+    for i, step in enumerate(batch.step.tolist()):
+        features = features_of(method, batch.episode_states[i])
+        goals = batch.episode_achieved_goals[i].tolist()
+        visits = goals[: step + 2].count(goals[step + 1])
+        rewards.append(np.linalg.norm(features[step + 1] - features[step]) / np.sqrt(visits))
+    return np.array(rewards)
+
+
+def ngu(method: NGU, batch, usual: float) -> np.ndarray:
+    rewards, config = [], method.config
+    for i, step in enumerate(batch.step.tolist()):
+        features = features_of(method, batch.episode_states[i])
+        squared = np.sort(((features[: step + 1] - features[step + 1]) ** 2).sum(1))[: config.k]
+        kernel = config.epsilon / (np.maximum(squared / usual - config.cluster, 0) + config.epsilon)
+        similarity = np.sqrt(kernel.sum()) + config.c
+        rewards.append(0 if similarity > config.most else 1 / similarity)
+    return np.array(rewards)
+
+
+def test_e3b_in_numpy():
+    method, batch = some_method(E3B, ridge=0.5), random_transitions(8)
+    np.testing.assert_allclose(method.reward(batch), e3b(method, batch), rtol=1e-3)
+
+
+def test_e3b_with_one_hot_features_counts_visits():
+    method, batch = fresh(E3B, features=3, ridge=0.25), random_transitions(2)
+    method.phi.encoder = torch.nn.Identity()
+    states = torch.eye(3)[torch.tensor([[0, 1, 1, 2, 1, 0]] * 2)]
+    batch = replace(batch, episode_states=states, step=torch.tensor([3, 4]), next_state=states[[0, 1], [4, 5]])
+    assert method.reward(batch).tolist() == pytest.approx([1 / 2.25, 1 / 0.25])
+
+
+def with_one_predicate(batch):
+    """The batch with predicates of which only the first ever holds: an episode comes back to what it had."""
+    mask = torch.tensor([1.0, 0, 0, 0])
+    goals = {name: getattr(batch, name) * mask for name in ("episode_achieved_goals", "next_achieved_goal")}
+    return replace(batch, **goals)
+
+
+def test_ride_in_numpy():
+    method, batch = some_method(RIDE), with_one_predicate(random_transitions(8))
+    np.testing.assert_allclose(method.reward(batch), ride(method, batch), rtol=1e-4)
+    assert (method.visits(batch) > 1).any()
+
+
+@pytest.mark.parametrize("k", [2, 10])
+def test_ngu_in_numpy(k):
+    """The distances of past batches are what is usual."""
+    method, batch = some_method(NGU, k=k, epsilon=0.5), random_transitions(8)
+    for seed in (1, 2):
+        method.update(random_transitions(8, seed))
+    usual = float(method.distances.mean)
+    assert usual > 0
+    np.testing.assert_allclose(method.reward(batch), ngu(method, batch, usual), rtol=1e-3)
+
+
+def test_ngu_gives_nothing_for_what_the_episode_knows():
+    method, batch = some_method(NGU, most=1.5), random_transitions(8)
+    method.update(batch)
+    still = batch.state.unsqueeze(1).expand(-1, batch.episode_states.shape[1], -1)
+    batch = replace(batch, episode_states=still, next_state=batch.state, step=torch.full((8,), 4))
+    assert not method.reward(batch).any()
+
+
+MISTAKES = {
+    "e3b counts the state itself": (E3B, "<= transitions.step.unsqueeze(1))", "<= transitions.step.unsqueeze(1) + 1)"),
+    "ride does not count the state itself": (
+        RIDE,
+        "transitions.step.unsqueeze(1) + 1",
+        "transitions.step.unsqueeze(1)",
+    ),
+    "ngu looks into the future": (
+        NGU,
+        "place > transitions.step.unsqueeze(1)",
+        "place == transitions.step.unsqueeze(1) + 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_fail_the_values(mistake):
+    cls, old, new = MISTAKES[mistake]
+    method, batch = some_method(mutated(cls, old, new)), with_one_predicate(random_transitions(8))
+    method.update(random_transitions(8, seed=1))
+    if cls is NGU:
+        expected = ngu(method, batch, float(method.distances.mean))
+    else:
+        expected = {E3B: e3b, RIDE: ride}[cls](method, batch)
+    assert not np.allclose(method.reward(batch), expected, rtol=0.01)
+
+
+@pytest.mark.parametrize(("cls", "wrong"), [(E3B, "ridge"), (RIDE, "forward_weight"), (NGU, "epsilon")])
+def test_settings_out_of_range_are_refused(cls, wrong):
+    with pytest.raises(ValueError, match=f"{wrong} is 0"):
+        cls.Config(**{wrong: 0.0})
