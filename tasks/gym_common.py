@@ -133,7 +133,7 @@ class GoalWorlds:
         time, positions and velocities; "rng" is text.
         """
         kept = self._worlds.state_dict()
-        kept["rng"] = json.dumps(kept["rng"])
+        kept["rng"] = json.dumps(kept["rng"], default=np.ndarray.tolist)
         return {name: np.array(value) for name, value in {**kept, **self._options}.items()}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -149,6 +149,7 @@ class GoalWorlds:
         if not np.isfinite(state["state"]).all():
             raise ValueError("the state holds a number that is not finite")
         rng = json.loads(str(state["rng"]))
+        type(self.np_random.bit_generator)().state = rng  # refuses what is no state of this kind of generator
         self._worlds.pursue(state["desired_goal"])  # refuses goals that are not valid
         self._worlds.rng = self.np_random
         self._worlds.load_state_dict({**state, "rng": rng})

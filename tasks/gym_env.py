@@ -46,8 +46,7 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
           task: "stack2" to "stack5".
           robot: "gripper" or "fetch".
           render_mode: None or "rgb_array".
-          width: of a picture, in pixels.
-          height: of a picture, in pixels.
+          width, height: of a picture, in pixels.
           camera_name: the camera of the pictures, one of the model's.
 
         Raises:

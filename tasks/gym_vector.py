@@ -61,13 +61,11 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
           render_mode: None or "rgb_array".
           autoreset_mode: when a world that has ended starts anew; an `AutoresetMode` or its value.
           max_episode_steps: actions per episode; 50 if None, no end if -1.
-          width: of a picture, in pixels.
-          height: of a picture, in pixels.
+          width, height: of a picture, in pixels.
           camera_name: the camera of the pictures, one of the model's.
 
         Raises:
-          ValueError: an unknown task, robot, render mode, autoreset mode or camera, a number out of range, or no
-            worlds.
+          ValueError: an unknown task, robot, render mode, autoreset mode or camera, or a number out of range.
         """
         self.metadata = METADATA | {"autoreset_mode": _autoreset_mode(autoreset_mode)}
         self._limit = _limit(max_episode_steps)
@@ -113,22 +111,18 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
           ValueError: actions of a wrong shape, not finite or out of range.
           ResetNeeded: with autoreset disabled, an episode has ended.
         """
-        mode, everywhere, ended = self.metadata["autoreset_mode"], np.ones(self.num_envs, bool), self._ended
+        mode, ended = self.metadata["autoreset_mode"], self._ended
         if mode == AutoresetMode.DISABLED and ended.any():
             raise ResetNeeded(f"the episodes of worlds {np.flatnonzero(ended).tolist()} have ended: reset those")
         seen, reward = self._worlds.step(actions)
         diverged, final = self._worlds.diverged, {}
-        over = ended  # of the worlds that start anew in this step
-        if mode == AutoresetMode.NEXT_STEP:
-            reward[ended] = 0
+        reward[ended] = 0
         truncated = self._ended & ~ended
-        if mode == AutoresetMode.SAME_STEP:
-            over = truncated
-            if over.any():
-                final = self._final(seen, diverged, over)
+        over = truncated if mode == AutoresetMode.SAME_STEP else ended  # these start anew in this step
         if over.any():
+            final = self._final(seen, diverged, over) if mode == AutoresetMode.SAME_STEP else {}
             seen = start(self._worlds, self._options, over)
-        info = self._info(seen, diverged & ~over, everywhere) | final
+        info = self._info(seen, diverged & ~over, np.ones(self.num_envs, bool)) | final
         return as_dict(seen), reward, np.zeros(self.num_envs, bool), truncated, info
 
     @property

@@ -84,6 +84,16 @@ def test_a_saved_state_goes_on_with_the_same_numbers(tmp_path):
     assert all(isinstance(array, np.ndarray) and array.dtype != object for array in state.values())
 
 
+def test_a_state_keeps_any_generator():
+    env = SemanticStackEnv("stack2")
+    env.np_random = np.random.Generator(np.random.MT19937(3))
+    env.reset()
+    state = env.get_state()
+    expected = env.reset()[0]["observation"]
+    env.set_state(state)
+    np.testing.assert_array_equal(env.reset()[0]["observation"], expected)
+
+
 def test_a_vectors_state_has_its_ends_and_its_options():
     vector = gym.make_vec(ID, num_envs=3, max_episode_steps=4)
     vector.reset(seed=1, options={"goal": [None, "b on a", None], "biased": [True, False, True]})
@@ -106,6 +116,7 @@ def test_states_that_do_not_fit_are_refused_and_nothing_moves():
         (SemanticStackEnv("stack3").get_state(), "has the shapes"),
         ({**good, "state": good["state"] * np.nan}, "not finite"),
         ({**good, "desired_goal": np.ones((1, 3))}, "no placement"),
+        ({**good, "rng": np.array('{"bit_generator": "MT19937"}')}, "PCG64"),
     ]
     for state, message in bad:
         with pytest.raises(ValueError, match=message):
