@@ -4,14 +4,10 @@
 `gymnasium.make_vec` know both as "curiobench/SemanticStack3-v0" (2 to 5 blocks) once `curiobench` is imported.
 """
 
-import os
-import sys
-
+from curiobench.tasks import opengl
 from curiobench.tasks.registration import ROBOTS, TASK_VERSION, TASKS, n_blocks_of
 
-if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-    # MuJoCo and dm_control choose their renderer when they are imported, and without a screen GLFW cannot draw
-    os.environ.setdefault("MUJOCO_GL", "egl")
+opengl.choose()  # here, because MuJoCo and dm_control choose their renderer when they are imported
 
 __all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "load", "n_blocks_of"]
 

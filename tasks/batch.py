@@ -234,6 +234,11 @@ class BatchedStacking:
         return self._qpos
 
     @property
+    def qvel(self) -> np.ndarray:
+        """Velocities `(N, nv)`; a view, for reading."""
+        return self._qvel
+
+    @property
     def truncated(self) -> np.ndarray:
         """`(N,)` bool, worlds whose episode has reached its 50 steps."""
         return self.step_counts >= EPISODE_STEPS
@@ -260,3 +265,15 @@ class BatchedStacking:
         self.step_counts[:] = state["step_counts"]
         self.divergences = int(state["divergences"])
         self.rng.bit_generator.state = state["rng"]
+
+    def __getstate__(self) -> dict[str, object]:
+        """For pickle and deepcopy: all but the buffers, whose views of each other a copy would cut."""
+        names = ("n_worlds", "goal_space", "_probabilities", "_bound", "model", "rng", "diverged")
+        return {name: vars(self)[name] for name in names} | {"n_threads": len(self._data), "kept": self.state_dict()}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        kept, n_threads, diverged = (state.pop(name) for name in ("kept", "n_threads", "diverged"))
+        vars(self).update(state)
+        self._make_buffers(n_threads)
+        self.diverged = diverged
+        self.load_state_dict(kept)

@@ -115,6 +115,9 @@ class GoalSpace:
     def __len__(self) -> int:
         return len(self.goals)
 
+    def __reduce__(self):
+        return goal_space, (self.n_blocks,)  # copies and pickles are the one goal space of their process
+
     @cached_property
     def _index(self) -> dict[bytes, int]:
         return {bits.astype(bool).tobytes(): g for g, bits in enumerate(self.goals)}

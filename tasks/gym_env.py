@@ -3,86 +3,104 @@
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 
 from curiobench.tasks.batch import BatchedStacking, Observation
-from curiobench.tasks.gym_vector import (
+from curiobench.tasks.gym_common import (
     METADATA,
+    GoalWorlds,
     action_space,
     as_dict,
-    check_render_mode,
     observation_space,
-    reset_options,
+    read_options,
+    start,
 )
-from curiobench.tasks.rendering import WorldRenderer
+from curiobench.tasks.rendering import HEIGHT, WIDTH
+from curiobench.tasks.robots import CONTROL_TIMESTEP
+from curiobench.tasks.scene import CAMERA
 
 
-class SemanticStackEnv(gym.Env):
+class SemanticStackEnv(GoalWorlds, gym.Env):
     """`gymnasium.make("curiobench/SemanticStack3-v0", robot="gripper")`.
 
     Observations are dicts of "observation", "achieved_goal" and "desired_goal". Reward is 1 after each step in which
-    the goal holds. Episodes take 50 steps and are then truncated. `reset(options={"goal": "a on b", "biased": True})`
-    fixes the goal and the kind of start of one episode.
+    the goal holds. `reset(options={"goal": "a on b", "biased": True})` fixes the goal and the kind of start of one
+    episode. Episodes go on for ever here; `gymnasium.make` truncates them after 50 steps, or `max_episode_steps`.
     """
 
     metadata = METADATA
 
-    def __init__(self, task: str = "stack3", robot: str = "gripper", render_mode: str | None = None):
+    def __init__(
+        self,
+        task: str = "stack3",
+        robot: str = "gripper",
+        render_mode: str | None = None,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera_name: str = CAMERA,
+    ):
         """Compiles the task.
 
         Args:
           task: "stack2" to "stack5".
           robot: "gripper" or "fetch".
           render_mode: None or "rgb_array".
+          width, height: of a picture, in pixels.
+          camera_name: the camera of the pictures, one of the model's.
 
         Raises:
-          ValueError: an unknown task, robot or render mode.
+          ValueError: an unknown task, robot, render mode or camera, or a size out of range.
         """
-        check_render_mode(render_mode)
-        self._worlds = BatchedStacking(task, 1, robot)
-        self.render_mode = render_mode
+        self._open(BatchedStacking(task, 1, robot), render_mode, height, width, camera_name)
         self.observation_space = observation_space(self._worlds)
         self.action_space = action_space()
-        self._renderer: WorldRenderer | None = None
 
     @property
-    def goal_space(self):
-        """The task's predicates and valid goals, a `GoalSpace`."""
-        return self._worlds.goal_space
+    def data(self) -> mujoco.MjData:
+        """The world as MuJoCo's data, which follows the world from its first use on; writing to it moves nothing.
+
+        It holds what depends on positions and velocities, and the seconds since the reset. Controls, forces and
+        accelerations are not those of the last step.
+        """
+        if self._data is None:
+            self._data = mujoco.MjData(self.model)
+            self._follow()
+        return self._data
+
+    def _follow(self) -> None:
+        self._data.qpos[:], self._data.qvel[:] = self._worlds.qpos[0], self._worlds.qvel[0]
+        self._data.time = self._worlds.step_counts[0] * CONTROL_TIMESTEP
+        mujoco.mj_step1(self.model, self._data)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Starts an episode; see the class for `options`."""
+        arrays = read_options(self._worlds, options)
         super().reset(seed=seed)
         self._worlds.rng = self.np_random
-        seen = self._worlds.reset(**reset_options(self._worlds, options))
-        return self._first(seen), self._info(self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal))
+        seen = start(self._worlds, arrays, np.array([True]))
+        return self._show(seen), self._info(self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal), False)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Carries out one action `(4,)`."""
         seen, reward = self._worlds.step(np.asarray(action)[None])
-        return self._first(seen), float(reward[0]), False, bool(self._worlds.truncated[0]), self._info(reward)
+        return self._show(seen), float(reward[0]), False, False, self._info(reward, bool(self._worlds.diverged[0]))
 
-    def _first(self, seen: Observation) -> dict[str, np.ndarray]:
+    def _show(self, seen: Observation) -> dict[str, np.ndarray]:
+        if self._data is not None:
+            self._follow()
         return {name: array[0] for name, array in as_dict(seen).items()}
 
-    def _info(self, reward: np.ndarray) -> dict[str, Any]:
-        return {"is_success": bool(reward[0] > 0), "diverged": bool(self._worlds.diverged[0])}
-
-    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
-        """Reward of a goal `(n_bits,)`, or rewards `(...)` of many `(..., n_bits)`."""
-        return self._worlds.compute_reward(achieved_goal, desired_goal, info)
+    def _info(self, reward: np.ndarray, diverged: bool) -> dict[str, Any]:
+        return {"is_success": bool(reward[0] > 0), "diverged": diverged}
 
     def render(self) -> np.ndarray | None:
-        """A picture `(480, 640, 3)` uint8; None without render mode."""
-        if self.render_mode is None:
-            return None
-        self._renderer = self._renderer or WorldRenderer(self._worlds.model)
-        return self._renderer.render(self._worlds.qpos[0])
+        """A picture `(height, width, 3)` uint8; None without render mode."""
+        pictures = self._pictures()
+        return pictures and pictures[0]
 
     def close(self) -> None:
         """Frees the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._close_renderer()

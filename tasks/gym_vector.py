@@ -1,67 +1,39 @@
-"""Many worlds as a native Gymnasium `VectorEnv`, and the spaces that the single environment shares with it."""
+"""Many worlds as a native Gymnasium `VectorEnv`."""
 
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from curiobench.tasks.batch import BatchedStacking, Observation
-from curiobench.tasks.rendering import WorldRenderer
-
-METADATA = {"render_modes": ["rgb_array"], "render_fps": 25}
-_OPTIONS = ("goal", "biased")
-
-
-def observation_space(worlds: BatchedStacking) -> gym.spaces.Dict:
-    """The goal-conditioned observation space of one world."""
-    bits = (worlds.goal_space.n_bits,)
-    return gym.spaces.Dict(
-        observation=gym.spaces.Box(-np.inf, np.inf, (worlds.observation_size,), np.float32),
-        achieved_goal=gym.spaces.Box(0, 1, bits, np.float32),
-        desired_goal=gym.spaces.Box(0, 1, bits, np.float32),
-    )
+from curiobench.tasks.gym_common import (
+    METADATA,
+    GoalWorlds,
+    action_space,
+    as_dict,
+    observation_space,
+    read_options,
+    start,
+)
+from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.rendering import HEIGHT, WIDTH
+from curiobench.tasks.scene import CAMERA
 
 
-def action_space() -> gym.spaces.Box:
-    """Hand displacement (x, y, z) and finger displacement, each in [-1, 1]."""
-    return gym.spaces.Box(-1, 1, (4,), np.float32)
-
-
-def reset_options(worlds: BatchedStacking, options: dict[str, Any] | None) -> dict[str, Any]:
-    """Turns `options={"goal": …, "biased": …}` into arguments of `BatchedStacking.reset`.
-
-    A goal is anything that `GoalSpace.parse` understands, or an array `(N, n_bits)` with a goal for each world.
-
-    Raises:
-      ValueError: an unknown option or goal.
-    """
-    options = dict(options or {})
-    unknown = set(options) - {*_OPTIONS, "reset_mask"}
-    if unknown:
-        raise ValueError(f"unknown reset option {min(unknown)!r}: the options are {', '.join(_OPTIONS)}")
-    goal = options.get("goal")
-    if goal is not None and np.ndim(goal) < 2:
-        goal = worlds.goal_space.parse(goal)
-    return {"goals": goal, "biased": options.get("biased", False)}
-
-
-def as_dict(seen: Observation) -> dict[str, np.ndarray]:
-    """The observation of N worlds as a Gymnasium dict."""
-    return {
-        "observation": seen.observation,
-        "achieved_goal": seen.achieved_goal,
-        "desired_goal": seen.desired_goal,
-    }
-
-
-class SemanticStackVectorEnv(VectorEnv):
+class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
     """N worlds stepped together; `gymnasium.make_vec("curiobench/SemanticStack3-v0", num_envs=64)`.
 
-    Episodes take 50 steps and are then truncated; the next step starts new ones (`AutoresetMode.NEXT_STEP`), with the
-    options of the last `reset`, or the same step does (`SAME_STEP`), with the old end in `info["final_obs"]`.
-    `info["is_success"]` `(N,)` tells where the goal holds, `info["diverged"]` where the physics had to be reset.
+    Episodes are truncated after 50 steps. Then, in the autoreset mode
+
+    - NEXT_STEP, the next step starts new ones instead of carrying out the action;
+    - SAME_STEP, the same step does, and `info["final_obs"]` `(N,)` and `info["final_info"]` tell of the old end;
+    - DISABLED, `reset` has to, with `options["reset_mask"]` `(N,)` for some of the worlds.
+
+    Options are those of the single environment, or N of each. Episodes that start by themselves have the options of
+    their world's last `reset`. `info["is_success"]` `(N,)` tells where the goal holds, `info["diverged"]` where the
+    physics had to be reset, and `info["_is_success"]` … for which worlds the entry is meant.
     """
 
     metadata = METADATA | {"autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -74,6 +46,10 @@ class SemanticStackVectorEnv(VectorEnv):
         n_threads: int = 1,
         render_mode: str | None = None,
         autoreset_mode: "str | AutoresetMode" = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera_name: str = CAMERA,
     ):
         """Compiles the task.
 
@@ -83,76 +59,111 @@ class SemanticStackVectorEnv(VectorEnv):
           robot: "gripper" or "fetch".
           n_threads: threads that step the worlds.
           render_mode: None or "rgb_array".
-          autoreset_mode: when a world that has ended starts anew.
+          autoreset_mode: when a world that has ended starts anew; an `AutoresetMode` or its value.
+          max_episode_steps: actions per episode; 50 if None, no end if -1.
+          width, height: of a picture, in pixels.
+          camera_name: the camera of the pictures, one of the model's.
 
         Raises:
-          ValueError: an unknown task, robot or render mode, or no worlds.
+          ValueError: an unknown task, robot, render mode, autoreset mode or camera, or a number out of range.
         """
-        check_render_mode(render_mode)
-        self._worlds = BatchedStacking(task, num_envs, robot, n_threads)
+        self.metadata = METADATA | {"autoreset_mode": _autoreset_mode(autoreset_mode)}
+        self._limit = _limit(max_episode_steps)
         self.num_envs = num_envs
-        self.render_mode = render_mode
-        self.metadata = METADATA | {"autoreset_mode": AutoresetMode(autoreset_mode)}
+        self._open(BatchedStacking(task, num_envs, robot, n_threads), render_mode, height, width, camera_name)
         self.single_observation_space = observation_space(self._worlds)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._options: dict[str, Any] = {}
-        self._renderer: WorldRenderer | None = None
+        self._options = read_options(self._worlds, None)
 
     def reset(
         self, *, seed: "int | None" = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Starts new episodes in all worlds, or in those of `options["reset_mask"]` `(N,)`."""
-        if seed is not None:
-            self._worlds.rng = np.random.default_rng(seed)
-        arguments = reset_options(self._worlds, options)
-        seen = self._worlds.reset((options or {}).get("reset_mask"), **arguments)
-        self._options = arguments
-        return as_dict(seen), {}
+        """Starts new episodes in all worlds, or in those of `options["reset_mask"]` `(N,)` bool.
+
+        Raises:
+          ValueError: an unknown option or goal, or a mask that is none; nothing has changed then.
+        """
+        options = dict(options or {})
+        which = self._mask(options.pop("reset_mask", True))
+        arrays = read_options(self._worlds, options)
+        super().reset(seed=seed)
+        for name, values in arrays.items():
+            self._options[name][which] = values[which]
+        self._worlds.rng = self.np_random
+        seen = start(self._worlds, self._options, which)
+        return as_dict(seen), self._info(seen, np.zeros(self.num_envs, bool), which)
+
+    def _mask(self, mask: object) -> np.ndarray:
+        """`(N,)` bool of `mask`, where True alone means all worlds."""
+        which = np.full(self.num_envs, True) if mask is True else np.asarray(mask)
+        if which.shape != (self.num_envs,) or which.dtype != bool or not which.any():
+            raise ValueError(f"reset_mask is {self.num_envs} bools, at least one of them True, got {mask!r}")
+        return which
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Carries out actions `(N, 4)`."""
-        ended = self._worlds.truncated
+        """Carries out actions `(N, 4)`.
+
+        Raises:
+          ValueError: actions of a wrong shape, not finite or out of range.
+          ResetNeeded: with autoreset disabled, an episode has ended.
+        """
+        mode, ended = self.metadata["autoreset_mode"], self._ended
+        if mode == AutoresetMode.DISABLED and ended.any():
+            raise ResetNeeded(f"the episodes of worlds {np.flatnonzero(ended).tolist()} have ended: reset those")
         seen, reward = self._worlds.step(actions)
-        info = {"is_success": reward > 0, "diverged": self._worlds.diverged}
-        if self.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP and ended.any():
-            seen = self._start_over(ended)
-            reward[ended] = 0
-            info["is_success"] = info["is_success"] & ~ended
-        truncated = self._worlds.truncated
-        if self.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP and truncated.any():
-            info["final_obs"] = as_dict(seen)
-            seen = self._start_over(truncated)
+        diverged, final = self._worlds.diverged, {}
+        reward[ended] = 0
+        truncated = self._ended & ~ended
+        over = truncated if mode == AutoresetMode.SAME_STEP else ended  # these start anew in this step
+        if over.any():
+            final = self._final(seen, diverged, over) if mode == AutoresetMode.SAME_STEP else {}
+            seen = start(self._worlds, self._options, over)
+        info = self._info(seen, diverged & ~over, np.ones(self.num_envs, bool)) | final
         return as_dict(seen), reward, np.zeros(self.num_envs, bool), truncated, info
 
-    def _start_over(self, ended: np.ndarray) -> Observation:
-        arguments = {
-            name: value[ended] if np.ndim(value) == (2 if name == "goals" else 1) else value
-            for name, value in self._options.items()
-        }
-        return self._worlds.reset(ended, **arguments)
+    @property
+    def _ended(self) -> np.ndarray:
+        return self._worlds.step_counts >= self._limit
 
-    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
-        """Rewards `(...)` of goals `(..., n_bits)`."""
-        return self._worlds.compute_reward(achieved_goal, desired_goal, info)
+    def _info(self, seen: Observation, diverged: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
+        """What the worlds `which` `(N,)` bool have to tell, as Gymnasium writes it: False elsewhere."""
+        success = self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal) > 0
+        info = {"is_success": success & which, "diverged": diverged & which}
+        return info | {f"_{name}": which.copy() for name in info}
+
+    def _final(self, seen: Observation, diverged: np.ndarray, ended: np.ndarray) -> dict[str, Any]:
+        """The last observations `(N,)` of the worlds that have ended, None elsewhere, and their infos."""
+        observations = np.full(self.num_envs, None, object)
+        for world in np.flatnonzero(ended):
+            observations[world] = {name: array[world] for name, array in as_dict(seen).items()}
+        final = {"final_obs": observations, "final_info": self._info(seen, diverged, ended)}
+        return final | {f"_{name}": ended.copy() for name in final}
 
     def render(self) -> tuple[np.ndarray, ...] | None:
-        """One picture `(480, 640, 3)` uint8 for each world; None without render mode."""
-        if self.render_mode is None:
-            return None
-        self._renderer = self._renderer or WorldRenderer(self._worlds.model)
-        return tuple(self._renderer.render(qpos) for qpos in self._worlds.qpos)
+        """One picture `(height, width, 3)` uint8 for each world; None without render mode."""
+        return self._pictures()
 
     def close_extras(self, **kwargs: Any) -> None:
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Frees the renderer."""
+        self._close_renderer()
 
 
-def check_render_mode(render_mode: str | None) -> None:
-    """Raises ValueError for an unknown render mode."""
-    if render_mode not in (None, *METADATA["render_modes"]):
-        raise ValueError(f"unknown render mode {render_mode!r}: it is None or 'rgb_array'")
+def _autoreset_mode(mode: "str | AutoresetMode") -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        legal = ", ".join(known.value for known in AutoresetMode)
+        raise ValueError(f"unknown autoreset mode {mode!r}: the modes are {legal}") from None
+
+
+def _limit(max_episode_steps: int | None) -> float:
+    """Actions per episode; infinite for -1."""
+    if max_episode_steps is None:
+        return EPISODE_STEPS
+    if not isinstance(max_episode_steps, int | np.integer) or (max_episode_steps < 1 and max_episode_steps != -1):
+        raise ValueError(f"max_episode_steps is at least 1, or -1 for no end, got {max_episode_steps!r}")
+    return np.inf if max_episode_steps == -1 else max_episode_steps

@@ -9,7 +9,7 @@ ROBOTS = ("gripper", "fetch")
 TASK_VERSION = 1
 """Raised whenever worlds, goals, rewards or starts change such that results do; config.json of every run names it."""
 EPISODE_STEPS = 50
-"""Actions per episode; an episode never ends earlier."""
+"""Actions per episode, unless Gymnasium is told another number; an episode never ends earlier."""
 
 
 def n_blocks_of(task: str) -> int:
@@ -34,6 +34,5 @@ def register() -> None:
             entry_point="curiobench.tasks.gym_env:SemanticStackEnv",
             vector_entry_point="curiobench.tasks.gym_vector:SemanticStackVectorEnv",
             kwargs={"task": task},
-            # the environments truncate by themselves, so that the batched and the single one agree
-            max_episode_steps=None,
+            max_episode_steps=EPISODE_STEPS,
         )

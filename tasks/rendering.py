@@ -3,31 +3,57 @@
 import mujoco
 import numpy as np
 
+from curiobench.tasks.opengl import no_opengl
+from curiobench.tasks.registration import check_name
 from curiobench.tasks.scene import CAMERA
 
 HEIGHT, WIDTH = 480, 640
 
 
 class WorldRenderer:
-    """Draws states of one compiled model from the overview camera; close it when done.
+    """Draws states of one compiled model; close it when done.
 
     Needs a working OpenGL: EGL or OSMesa without a screen (environment variable MUJOCO_GL).
     """
 
-    def __init__(self, model: mujoco.MjModel, height: int = HEIGHT, width: int = WIDTH):
-        self._model = model
-        self._data = mujoco.MjData(model)
-        self._renderer = mujoco.Renderer(model, height, width)
+    def __init__(self, model: mujoco.MjModel, height: int = HEIGHT, width: int = WIDTH, camera: str = CAMERA):
+        """Opens an OpenGL context.
 
-    def render(self, qpos: np.ndarray, camera: str = CAMERA) -> np.ndarray:
+        Args:
+          model: the compiled model.
+          height: of a picture, in pixels.
+          width: of a picture, in pixels.
+          camera: name of one of the model's cameras.
+
+        Raises:
+          ValueError: an unknown camera, a size out of range, or no OpenGL.
+        """
+        check_picture(model, height, width, camera)
+        self._model, self._camera = model, camera
+        self._data = mujoco.MjData(model)
+        try:
+            self._renderer = mujoco.Renderer(model, height, width)
+        except Exception as error:  # every backend fails with an error of its own
+            raise ValueError(no_opengl()) from error
+
+    def render(self, qpos: np.ndarray) -> np.ndarray:
         """The picture `(height, width, 3)` uint8 of a world at positions `(nq,)`."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        self._renderer.update_scene(self._data, camera=camera)
+        self._renderer.update_scene(self._data, camera=self._camera)
         return self._renderer.render()
 
     def close(self) -> None:
         """Frees the OpenGL context; without it some drivers complain when the interpreter ends."""
         self._renderer.close()
+
+
+def check_picture(model: mujoco.MjModel, height: int, width: int, camera: str) -> None:
+    """Raises ValueError for an unknown camera, or a size in pixels that the model's buffer cannot take."""
+    check_name("camera", camera, tuple(model.camera(index).name for index in range(model.ncam)))
+    limits = model.vis.global_
+    for name, size, limit in (("height", height, limits.offheight), ("width", width, limits.offwidth)):
+        if not isinstance(size, int | np.integer) or not 1 <= size <= limit:
+            raise ValueError(f"the {name} of a picture is 1 to {limit} pixels, got {size!r}")

@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 
 import curiobench  # noqa: F401  (registers the environments)
 from curiobench.tasks.gym_env import SemanticStackEnv
@@ -19,10 +18,6 @@ def env():
     environment = gym.make("curiobench/SemanticStack3-v0", robot="gripper")
     yield environment
     environment.close()
-
-
-def make_vec(n: int = 3, **kwargs):
-    return gym.make_vec("curiobench/SemanticStack2-v0", num_envs=n, vectorization_mode="vector_entry_point", **kwargs)
 
 
 @pytest.mark.parametrize("n_blocks", [2, 3, 4, 5])
@@ -86,68 +81,6 @@ def test_reward_follows_compute_reward_and_episodes_are_truncated(env):
     assert reward == 1
 
 
-def test_vector_worlds_equal_single_ones():
-    vector = make_vec(1)
-    single = gym.make("curiobench/SemanticStack2-v0")
-    a, _ = vector.reset(seed=4)
-    b, _ = single.reset(seed=4)
-    np.testing.assert_array_equal(a["observation"][0], b["observation"])
-    for action in np.random.default_rng(0).uniform(-1, 1, (10, 4)).astype(np.float32):
-        a, reward, *_ = vector.step(action[None])
-        b, single_reward, *_ = single.step(action)
-        np.testing.assert_array_equal(a["observation"][0], b["observation"])
-        assert reward[0] == single_reward
-
-
-def test_vector_starts_over_in_the_step_after_the_end():
-    vector = make_vec()
-    vector.reset(seed=0, options={"goal": "b on a"})
-    for _ in range(50):
-        seen, _, _, truncated, _ = vector.step(np.ones((3, 4), np.float32))
-    assert truncated.all()
-    assert (np.abs(seen["observation"][:, 0] - 1.34) > 0.1).all()
-    seen, reward, _, truncated, _ = vector.step(np.ones((3, 4), np.float32))
-    assert not truncated.any()
-    assert not reward.any()
-    np.testing.assert_allclose(seen["observation"][:, 0], 1.3419, atol=1e-4)
-    np.testing.assert_array_equal(seen["desired_goal"], [[1, 0, 1]] * 3)
-
-
-def test_vector_can_start_over_in_the_same_step():
-    vector = make_vec(autoreset_mode=AutoresetMode.SAME_STEP)
-    vector.reset(seed=0)
-    for _ in range(50):
-        seen, _, _, truncated, info = vector.step(np.ones((3, 4), np.float32))
-    assert truncated.all()
-    assert (np.abs(info["final_obs"]["observation"][:, 0] - 1.34) > 0.1).all()
-    np.testing.assert_allclose(seen["observation"][:, 0], 1.3419, atol=1e-4)
-
-
-def test_vector_resets_masked_worlds_with_goals_of_their_own():
-    vector = make_vec()
-    vector.reset(seed=0)
-    vector.step(np.ones((3, 4), np.float32))
-    goals = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1]], np.float32)
-    seen, _ = vector.reset(options={"goal": goals})
-    np.testing.assert_array_equal(seen["desired_goal"], goals)
-    vector.step(np.ones((3, 4), np.float32))
-    seen, _ = vector.reset(options={"goal": "all close", "reset_mask": np.array([True, False, False])})
-    np.testing.assert_array_equal(seen["desired_goal"], [[1, 0, 0], [1, 1, 0], [1, 0, 1]])
-    assert seen["observation"][1, 0] > 1.36
-
-
-@pytest.mark.parametrize("robot", ["gripper", "fetch"])
-def test_pictures_show_the_scene(robot):
-    environment = gym.make("curiobench/SemanticStack3-v0", robot=robot, render_mode="rgb_array")
-    environment.reset(seed=0)
-    picture = environment.render()
-    environment.close()
-    assert picture.shape == (480, 640, 3)
-    red, green, blue = (picture.astype(int)[..., k] for k in range(3))
-    for channel, others in ((red, (green, blue)), (green, (red, blue)), (blue, (red, green))):
-        assert (channel - np.maximum(*others) > 40).sum() > 100  # a block of this colour is in sight
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -155,7 +88,9 @@ def test_pictures_show_the_scene(robot):
         (lambda e: SemanticStackEnv(render_mode="ascii"), "render mode 'ascii'"),
         (lambda e: e.reset(options={"gaol": "a on b"}), "unknown reset option 'gaol'"),
         (lambda e: e.reset(options={"goal": "a on z"}), "no block 'z'"),
-        (lambda e: make_vec(0), "at least one world"),
+        (lambda e: e.reset(options={"goal": ["a on b", "b on a"]}), "1 worlds need one goal or 1, got 2"),
+        (lambda e: e.reset(options={"biased": "yes"}), "biased is a bool"),
+        (lambda e: e.reset(options={"reset_mask": np.array([True])}), "unknown reset option 'reset_mask'"),
         (lambda e: (e.reset(), e.unwrapped.step(np.array([0, 0, 0, 7.0]))), "7.0 in entry 3"),
     ],
 )
@@ -164,6 +99,50 @@ def test_bad_input(env, call, message):
         warnings.simplefilter("ignore")
         with pytest.raises(ValueError, match=message):
             call(env)
+
+
+def test_time_limit_is_gymnasiums_own():
+    assert gym.spec("curiobench/SemanticStack4-v0").max_episode_steps == 50
+    for steps in (3, 60):
+        env = gym.make("curiobench/SemanticStack2-v0", max_episode_steps=steps)
+        env.reset(seed=0)
+        ends = [env.step(np.zeros(4, np.float32))[3] for _ in range(steps)]
+        assert ends == [False] * (steps - 1) + [True]
+        assert env.spec.max_episode_steps == steps
+    env = gym.make("curiobench/SemanticStack2-v0", max_episode_steps=-1)
+    env.reset(seed=0)
+    assert not any(env.step(np.zeros(4, np.float32))[3] for _ in range(60))
+
+
+def test_goal_functions_are_those_of_a_goal_env(env):
+    seen, _ = env.reset(seed=0)
+    seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    goals = seen["achieved_goal"], seen["desired_goal"], info
+    assert reward == env.unwrapped.compute_reward(*goals)
+    assert terminated == env.unwrapped.compute_terminated(*goals)
+    assert truncated == env.unwrapped.compute_truncated(*goals)
+    many = np.zeros((4, 7, 9)), np.zeros(9), {}
+    assert env.unwrapped.compute_terminated(*many).shape == env.unwrapped.compute_truncated(*many).shape == (4, 7)
+    assert env.unwrapped.compute_reward(*many).shape == (4, 7)
+
+
+def test_data_is_mujocos_and_follows_the_world(env):
+    env.reset(seed=0)
+    data, model = env.unwrapped.data, env.unwrapped.model
+    for k in range(1, 4):
+        seen, *_ = env.step(np.ones(4, np.float32))
+        assert env.unwrapped.data is data
+        assert data.time == pytest.approx(0.04 * k)
+        np.testing.assert_allclose(data.body("block_a/").xpos, seen["observation"][10:13], atol=1e-6)
+    assert data.qpos.shape == (model.nq,)
+    twin = gym.make("curiobench/SemanticStack3-v0")
+    twin.reset(seed=0)
+    for _ in range(3):
+        unwatched, *_ = twin.step(np.ones(4, np.float32))
+    np.testing.assert_array_equal(seen["observation"], unwatched["observation"])
+    seen, _ = env.reset()
+    assert data.time == 0
+    np.testing.assert_allclose(data.body("block_a/").xpos, seen["observation"][10:13], atol=1e-6)
 
 
 def test_importing_curiobench_loads_neither_mujoco_nor_torch():

@@ -1,0 +1,175 @@
+"""What the single and the vector environment share: spaces, options of an episode, goals, states and pictures."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+from curiobench.tasks.batch import BatchedStacking, Observation
+from curiobench.tasks.rendering import WorldRenderer, check_picture
+
+METADATA = {"render_modes": ["rgb_array"], "render_fps": 25}
+
+
+def observation_space(worlds: BatchedStacking) -> gym.spaces.Dict:
+    """The goal-conditioned observation space of one world."""
+    bits = (worlds.goal_space.n_bits,)
+    return gym.spaces.Dict(
+        observation=gym.spaces.Box(-np.inf, np.inf, (worlds.observation_size,), np.float32),
+        achieved_goal=gym.spaces.Box(0, 1, bits, np.float32),
+        desired_goal=gym.spaces.Box(0, 1, bits, np.float32),
+    )
+
+
+def action_space() -> gym.spaces.Box:
+    """Hand displacement (x, y, z) and finger displacement, each in [-1, 1]."""
+    return gym.spaces.Box(-1, 1, (4,), np.float32)
+
+
+def as_dict(seen: Observation) -> dict[str, np.ndarray]:
+    """The observation of N worlds as a Gymnasium dict."""
+    return {
+        "observation": seen.observation,
+        "achieved_goal": seen.achieved_goal,
+        "desired_goal": seen.desired_goal,
+    }
+
+
+def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> dict[str, np.ndarray]:
+    """Turns `options={"goal": …, "biased": …}` into arrays with an entry for each of N worlds.
+
+    Args:
+      worlds: the worlds that they are for.
+      options: "goal" is what `GoalSpace.parse` understands, or N names or bit vectors, where None draws a goal.
+        "biased" is a bool or N of them.
+
+    Returns:
+      "next_goal" `(N, n_bits)` float32, "next_goal_given" `(N,)` bool and "next_biased" `(N,)` bool.
+
+    Raises:
+      ValueError: an unknown option or goal, or not N of them.
+    """
+    options = options or {}
+    if unknown := set(options) - {"goal", "biased"}:
+        raise ValueError(f"unknown reset option {min(unknown)!r}: the options are goal, biased")
+    n, space = worlds.n_worlds, worlds.goal_space
+    goals = options.get("goal")
+    if not _is_list_of_goals(goals):
+        goals = [goals]
+    elif len(goals) != n:
+        raise ValueError(f"{n} worlds need one goal or {n}, got {len(goals)}")
+    biased = np.asarray(options.get("biased", False))
+    if biased.shape not in ((), (n,)) or not np.isin(biased, (False, True)).all():
+        raise ValueError(f"biased is a bool or {n} of them, got {options['biased']!r}")
+    bits = np.array([space.goals[0] if goal is None else space.parse(goal) for goal in goals])
+    return {
+        "next_goal": np.broadcast_to(bits, (n, space.n_bits)).copy(),
+        "next_goal_given": np.broadcast_to([goal is not None for goal in goals], n).copy(),
+        "next_biased": np.broadcast_to(biased.astype(bool), n).copy(),
+    }
+
+
+def _is_list_of_goals(goal: object) -> bool:
+    """Whether it holds goals rather than the bits of one."""
+    listed = isinstance(goal, list | tuple) or (isinstance(goal, np.ndarray) and goal.ndim > 0)
+    return listed and any(isinstance(entry, str) or not np.isscalar(entry) for entry in goal)
+
+
+def start(worlds: BatchedStacking, options: dict[str, np.ndarray], which: np.ndarray) -> Observation:
+    """Starts episodes in the worlds `which` `(N,)` bool, with the options of `read_options`."""
+    goals, free = options["next_goal"][which], ~options["next_goal_given"][which]
+    drawn = worlds.rng.integers(len(worlds.goal_space), size=free.sum())
+    goals[free] = worlds.goal_space.goals[drawn]
+    return worlds.reset(which, options["next_biased"][which], goals)
+
+
+class GoalWorlds:
+    """Goals, states, copies and pictures; the half of both environments that does not depend on how many worlds."""
+
+    def _open(self, worlds: BatchedStacking, render_mode: str | None, height: int, width: int, camera: str) -> None:
+        if render_mode not in (None, *METADATA["render_modes"]):
+            raise ValueError(
+                f"unknown render mode {render_mode!r}: it is None or 'rgb_array'; gymnasium.make adds "
+                "'rgb_array_list' and, with pygame and a screen, 'human'"
+            )
+        check_picture(worlds.model, height, width, camera)
+        self._worlds = worlds
+        self._worlds.rng = self.np_random
+        self.render_mode = render_mode
+        self._picture = (height, width, camera)
+        self._options: dict[str, np.ndarray] = {}
+        self._renderer: WorldRenderer | None = None
+        self._data: mujoco.MjData | None = None
+
+    @property
+    def goal_space(self):
+        """The task's predicates and valid goals, a `GoalSpace`."""
+        return self._worlds.goal_space
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, which all worlds share."""
+        return self._worlds.model
+
+    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
+        """Reward of a goal `(n_bits,)`, or rewards `(...)` of many `(..., n_bits)`."""
+        return self._worlds.compute_reward(achieved_goal, desired_goal, info)
+
+    def compute_terminated(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
+        """False for a goal `(n_bits,)`, or `(...)` of it for many: no goal ends an episode."""
+        return np.zeros(np.broadcast_shapes(np.shape(achieved_goal), np.shape(desired_goal))[:-1], bool)[()]
+
+    def compute_truncated(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
+        """False, as in `compute_terminated`: the time limit does not depend on goals."""
+        return self.compute_terminated(achieved_goal, desired_goal, info)
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """All that later steps and episodes depend on, for `set_state` or `np.savez`.
+
+        Arrays have an entry for each of N worlds, also where N is 1. "state" `(N, 1 + nq + nv)` float64 holds MuJoCo's
+        time, positions and velocities; "rng" is text.
+        """
+        kept = self._worlds.state_dict()
+        kept["rng"] = json.dumps(kept["rng"], default=np.ndarray.tolist)
+        return {name: np.array(value) for name, value in {**kept, **self._options}.items()}
+
+    def set_state(self, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Goes on where `get_state` was called, in this or an equal environment; returns the observation there.
+
+        Raises:
+          ValueError: the state of another kind of environment, or one with a bad number; nothing has changed then.
+        """
+        shapes = {name: array.shape for name, array in self.get_state().items()}
+        given = {name: np.shape(state[name]) for name in state}
+        if given != shapes:
+            raise ValueError(f"a state of this environment has the shapes {shapes}, got {given}")
+        if not np.isfinite(state["state"]).all():
+            raise ValueError("the state holds a number that is not finite")
+        rng = json.loads(str(state["rng"]))
+        type(self.np_random.bit_generator)().state = rng  # refuses what is no state of this kind of generator
+        self._worlds.pursue(state["desired_goal"])  # refuses goals that are not valid
+        self._worlds.rng = self.np_random
+        self._worlds.load_state_dict({**state, "rng": rng})
+        self._options = {name: np.array(state[name]) for name in self._options}
+        return self._show(self._worlds.observe())
+
+    def _show(self, seen: Observation) -> dict[str, np.ndarray]:
+        return as_dict(seen)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle and deepcopy: OpenGL contexts stay behind, and a copy opens its own."""
+        return vars(self) | {"_renderer": None, "_data": None}
+
+    def _pictures(self) -> tuple[np.ndarray, ...] | None:
+        if self.render_mode is None:
+            return None
+        self._renderer = self._renderer or WorldRenderer(self.model, *self._picture)
+        return tuple(self._renderer.render(qpos) for qpos in self._worlds.qpos)
+
+    def _close_renderer(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

@@ -1,0 +1,65 @@
+"""Which OpenGL MuJoCo and dm_control are told to load, so that worlds step where there is none. Imports neither."""
+
+import ctypes
+import os
+import sys
+
+_NEED_NO_LIBRARY = ("glfw", "on", "enable", "enabled", "true", "1", "off", "disable", "disabled", "false", "0")
+"""Values of MUJOCO_GL with which both packages can be imported on any machine."""
+_wish = ""
+"""What MUJOCO_GL said before `choose`."""
+
+
+def choose() -> None:
+    """Sets the environment variable MUJOCO_GL to what can be loaded; on Linux only.
+
+    MuJoCo and dm_control read it when they are imported, and stop there if a library is missing. Without a screen and
+    without a wish of the user it becomes "egl" or, where that is missing, "osmesa". A wish that cannot be met becomes
+    "disabled", too: then worlds step, and pictures fail with `no_opengl`.
+    """
+    global _wish
+    _wish = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if sys.platform != "linux" or (not _wish and os.environ.get("DISPLAY")):
+        return
+    names = [_wish] if _wish else ["egl", "osmesa"]
+    os.environ["MUJOCO_GL"] = next((name for name in names if name in _NEED_NO_LIBRARY or _loads(name)), "disabled")
+
+
+def no_opengl() -> str:
+    """Why there are no pictures, and what to install; one line."""
+    settings = {"MUJOCO_GL": _wish, "PYOPENGL_PLATFORM": os.environ.get("PYOPENGL_PLATFORM")}
+    with_what = " and ".join(f"{name}={value}" for name, value in settings.items() if value)
+    return (
+        f"pictures need OpenGL, and none works here{with_what and ' with ' + with_what}: without a screen install "
+        "libegl1 (MUJOCO_GL=egl) or libosmesa6 (MUJOCO_GL=osmesa)"
+    )
+
+
+def _loads(name: str) -> bool:
+    if os.environ.get("PYOPENGL_PLATFORM") not in (None, "", name):
+        return False  # both packages refuse it
+    try:
+        if name == "egl":
+            return _egl_devices() > 0
+        return name == "osmesa" and any(_exists(f"libOSMesa.so{suffix}") for suffix in (".8", ".6", ""))
+    except (OSError, ValueError):
+        return False
+
+
+def _exists(library: str) -> bool:
+    try:
+        return bool(ctypes.CDLL(library))
+    except OSError:
+        return False
+
+
+def _egl_devices() -> int:
+    """Number of devices that EGL can draw on without a screen; OSError without EGL, ValueError if it cannot tell."""
+    address = ctypes.CDLL("libEGL.so.1").eglGetProcAddress
+    address.restype, address.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+    kind = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int))
+    query, count = address(b"eglQueryDevicesEXT"), ctypes.c_int(0)
+    if not query:
+        raise ValueError("EGL cannot list devices")
+    kind(query)(0, None, count)
+    return count.value
