@@ -10,6 +10,7 @@ near        ours: half of the episodes pursue a reached goal that differs from t
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -54,6 +55,9 @@ CURRICULA: MappingProxyType[str, Callable[[Situation, np.random.Generator], np.n
     {"reached": draw_reached, "near": draw_near}
 )
 """By the name that `RunConfig.curriculum` gives."""
+
+Curriculum = Literal[tuple(CURRICULA)]
+"""Names of curricula."""
 
 
 def _candidates(situation: Situation) -> np.ndarray:

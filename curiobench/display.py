@@ -9,7 +9,7 @@ from rich.text import Text
 
 from curiobench.config import RunConfig
 from curiobench.learned_goals import Layers
-from curiobench.training_state import Counters
+from curiobench.state import Counters
 
 
 class Display:

@@ -9,7 +9,7 @@ from typing import Any
 
 from curiobench.evaluation import Evaluation
 from curiobench.learned_goals import last_evaluation, learned_by_layer
-from curiobench.training_state import TrainingState
+from curiobench.state import TrainingState
 
 PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
 """What the wall-clock time of a run goes into."""

@@ -10,7 +10,7 @@ arrivals    ours: half of a batch leads up to moments at which a goal was reache
 
 from collections.abc import Callable
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -66,6 +66,9 @@ RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Ge
     {"future": draw_future, "arrivals": draw_arrivals}
 )
 """By the name that `ReplayConfig.relabelling` gives."""
+
+Relabelling = Literal[tuple(RELABELLINGS)]
+"""Names of relabellings."""
 
 
 def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:

@@ -7,18 +7,14 @@ for every batch.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from curiobench.episode_files import EpisodeFiles
 from curiobench.methods.settings import check_option
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, RELABELLINGS, arrival_kinds
+from curiobench.relabelling import KINDS, RELABELLINGS, Relabelling, arrival_kinds
+from curiobench.replay_files import EpisodeFiles
 from curiobench.tasks.goals import GoalTable
-
-Relabelling = Literal["future", "arrivals"]
-"""Names of relabellings."""
 
 ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
 """(achieved goals (B, bits), desired goals (B, bits), info) -> rewards (B,)."""

@@ -12,9 +12,9 @@ from curiobench.methods.process import tune_process
 from curiobench.methods.sac import SAC
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import read_config
+from curiobench.state import build_agent, build_replay
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
-from curiobench.training_state import build_agent, build_replay
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from curiobench.learning_curve import draw_learning_curve
 from curiobench.methods.process import tune_process
 from curiobench.records import progress_row, result
 from curiobench.run_folder import RunFolder, read_record, read_rows, versions
+from curiobench.state import TrainingState, check_device
 from curiobench.tensorboard import TensorBoardLog, check_tensorboard
-from curiobench.training_state import TrainingState, check_device
 
 
 def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:

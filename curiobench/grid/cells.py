@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
-from curiobench.config import PRESETS, RunConfig
+from curiobench.cli.train_arguments import parse_train
+from curiobench.config import RunConfig
 from curiobench.grid.definition import Grid, Options, Scalar
 from curiobench.methods.specs import shown
+from curiobench.options import flatten
+from curiobench.presets import PRESETS
 from curiobench.tasks.registration import check_name
-from curiobench.train_arguments import parse_train
 
 _OWN = ("task", "method", "seed")
 """Options that are axes of the grid."""
@@ -98,21 +100,14 @@ def folder_name(method: str) -> str:
 
 def _check_names(options: Options) -> None:
     """See that options exist. Not left to the parser alone, which knows flags that are no options, such as --help."""
-    legal = (*_AXES_OF_ALL, *_names(PRESETS["laptop"].to_json()))
+    own = (*_OWN, *_AXES_OF_ALL, "method_config")
+    fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
+    legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))
     for name in options:
         if name in _OWN:
             raise ValueError(f"options: {name} is an axis of the grid; use {name}s")
         if not _METHOD_OPTION.fullmatch(name):
             check_name("option", name, legal)
-
-
-def _names(values: dict, prefix: str = "") -> Iterator[str]:
-    """Names of a config's fields as the command line has them, without those of the grid itself."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _names(value, f"{prefix}{name}.")
-        elif name not in (*_OWN, *_AXES_OF_ALL, "method_config"):
-            yield f"{prefix}{name}".replace("_", "-")
 
 
 def _flags(name: str, value: Scalar) -> list[str]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
+from curiobench.cli.arguments import GridArguments
 from curiobench.config import LARGEST_SEED
-from curiobench.grid.arguments import GridArguments
 
 Scalar = str | int | float | bool | None
 Options = Mapping[str, Scalar]

@@ -3,8 +3,8 @@
 import shlex
 from collections.abc import Sequence
 
+from curiobench.cli.arguments import GridArguments
 from curiobench.errors import Interrupted, RunFailed
-from curiobench.grid.arguments import GridArguments
 from curiobench.grid.cells import Cell, cells_of
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, look

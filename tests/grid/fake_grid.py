@@ -5,9 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from curiobench.arguments import parse
+from curiobench.cli.arguments import GridArguments, parse
 from curiobench.errors import Interrupted, RunFailed
-from curiobench.grid.arguments import GridArguments
 from curiobench.grid.cells import Cell, cells_of
 from curiobench.grid.definition import define
 from curiobench.grid.local import LocalLauncher

@@ -8,19 +8,19 @@ import pytest
 import torch
 from torch.nn.modules.module import register_module_forward_hook
 
-from curiobench import conformance
-from curiobench.conformance import COST, PROPERTIES, cost, examine
-from curiobench.conformance_subject import Subject
-from curiobench.method_template import NewMethod
+from curiobench.check import properties
+from curiobench.check.properties import COST, PROPERTIES, cost, examine
+from curiobench.check.subject import Subject
+from curiobench.check.template import NewMethod
 from curiobench.methods.registry import REWARDS
+from curiobench.state import pair_layout
 from curiobench.tasks.goals import goal_space
-from curiobench.training_state import pair_layout
 
 
 @pytest.fixture(autouse=True)
 def in_a_hurry(monkeypatch):
-    monkeypatch.setattr(conformance, "ROUNDS", 2)
-    monkeypatch.setattr(conformance, "TIMED_BATCH", 32)
+    monkeypatch.setattr(properties, "ROUNDS", 2)
+    monkeypatch.setattr(properties, "TIMED_BATCH", 32)
     torch.set_num_threads(1)
 
 

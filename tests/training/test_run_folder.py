@@ -10,6 +10,7 @@ import threading
 from dataclasses import replace
 
 import pytest
+import tiny_runs
 from tiny_runs import TINY
 
 from curiobench.config import CONFIG_VERSION
@@ -48,7 +49,7 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
         "from curiobench.run_folder import RunFolder; f = RunFolder(Path(sys.argv[1]), TINY, False);"
         "print('locked', flush=True); time.sleep(60)"
     )
-    command = [sys.executable, "-c", program, str(tmp_path), os.path.dirname(__file__)]
+    command = [sys.executable, "-c", program, str(tmp_path), os.path.dirname(tiny_runs.__file__)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "locked\n"
         with pytest.raises(ValueError, match=f"already running, in process {process.pid}"):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from curiobench.config import PRESET_LINES
 from curiobench.methods.registry import available_specs, parse_spec
 from curiobench.methods.specs import HYBRID
+from curiobench.presets import PRESET_LINES
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import TASKS, n_blocks_of
 

@@ -5,19 +5,17 @@ from dataclasses import replace
 
 import pytest
 
+from curiobench.cli.train_arguments import parse_train
 from curiobench.config import (
     CONFIG_VERSION,
-    PRESET_LINES,
     PRESET_NAMES,
-    PRESETS,
     MachineConfig,
     RunConfig,
     differences,
-    preset,
     with_later_fields,
 )
 from curiobench.methods.settings import HybridConfig
-from curiobench.train_arguments import parse_train
+from curiobench.presets import PRESET_LINES, PRESETS, preset
 
 
 @pytest.mark.parametrize("name", PRESET_NAMES)

@@ -19,8 +19,8 @@ from curiobench.learned_goals import last_evaluation
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import RunFolder, read_rows
 from curiobench.saved_agent import load_agent
+from curiobench.state import TrainingState
 from curiobench.train import Run, train
-from curiobench.training_state import TrainingState
 
 
 class Killed(BaseException):

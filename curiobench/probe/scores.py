@@ -21,8 +21,8 @@ from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, PolicyView, Transitions
 from curiobench.methods.sac import SAC
 from curiobench.methods.specs import shown
-from curiobench.probe_episodes import Played, transitions
-from curiobench.probe_steps import falling, lifting
+from curiobench.probe.episodes import Played, transitions
+from curiobench.probe.steps import falling, lifting
 from curiobench.saved_agent import SavedRun, load_saved
 
 Among = Literal["random", "replay"]

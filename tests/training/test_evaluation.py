@@ -6,9 +6,9 @@ from tiny_runs import TINY, same_state
 
 from curiobench import evaluation
 from curiobench.evaluation import Evaluation, Evaluator
+from curiobench.state import TrainingState
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import goal_space
-from curiobench.training_state import TrainingState
 
 
 class Noting:

@@ -10,8 +10,8 @@ import torch
 from curiobench.methods.icm import ICM
 from curiobench.methods.mi import MI
 from curiobench.methods.reward import Transitions
-from curiobench.probe_episodes import play_scripts, reference_transitions, transitions
-from curiobench.probe_steps import falling, lifting
+from curiobench.probe.episodes import play_scripts, reference_transitions, transitions
+from curiobench.probe.steps import falling, lifting
 
 UPDATES = 500
 PARTS = ("observation", "action", "next_observation")

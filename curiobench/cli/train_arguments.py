@@ -8,9 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from curiobench.arguments import parse
-from curiobench.config import RunConfig, preset
+from curiobench.cli.arguments import parse
+from curiobench.config import RunConfig
 from curiobench.methods.specs import canonical
+from curiobench.presets import preset
 from curiobench.run_folder import read_config
 
 

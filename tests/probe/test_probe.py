@@ -12,15 +12,16 @@ import pytest
 import torch
 from tiny_runs import TINY, same_state
 
-from curiobench import palette, probe_report
+from curiobench import palette
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
 from curiobench.methods.registry import available_specs
 from curiobench.methods.reward import Batch
-from curiobench.probe import open_runs, others, own_transitions, read, score, what_method_sees
-from curiobench.probe_episodes import KINDS, play_scripts, reference_transitions, transitions
-from curiobench.probe_report import probe
-from curiobench.probe_steps import Track, falling, lifting, push_moments, stack_moments
+from curiobench.probe import report
+from curiobench.probe.episodes import KINDS, play_scripts, reference_transitions, transitions
+from curiobench.probe.report import probe
+from curiobench.probe.scores import open_runs, others, own_transitions, read, score, what_method_sees
+from curiobench.probe.steps import Track, falling, lifting, push_moments, stack_moments
 from curiobench.tasks.goals import goal_space
 from curiobench.train import train
 
@@ -171,7 +172,7 @@ def test_own_transitions_are_drawn_as_in_training(runs):
 
 
 def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeypatch):
-    monkeypatch.setattr(probe_report, "draw", lambda *_: [])
+    monkeypatch.setattr(report, "draw", lambda *_: [])
     found = {}
     for among in ("random", "replay"):
         probe([runs["mi+hm"], runs["dac"]], tmp_path / among, STARTS, seed=0, among=among)
@@ -253,7 +254,7 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
     assert {row["moment"] for row in rows} >= {"block lifts", "block falls"}
     assert all(bool(row["q_int_popart"]) == (row["method"] == "mihm") for row in rows)
 
-    monkeypatch.setattr(probe_report, "draw", lambda *_: [])  # seconds that say nothing about numbers
+    monkeypatch.setattr(report, "draw", lambda *_: [])  # seconds that say nothing about numbers
     again, *_ = probe(paths, tmp_path / "two", STARTS, seed=3)
     assert again == table
     for name in ("scores.csv", "numbers.csv"):

@@ -15,13 +15,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.conformance_subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
+from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
 from curiobench.findings import Finding
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
+from curiobench.state import pair_layout
 from curiobench.tasks.goals import goal_space
-from curiobench.training_state import pair_layout
 
 DEAR = 2.0
 """Cost of an update, as a multiple of one of `sac`, above which a warning is due."""

@@ -5,7 +5,7 @@ import keyword
 from importlib.util import find_spec
 from pathlib import Path
 
-from curiobench import method_template
+from curiobench.check import template
 from curiobench.methods.guard import TAKEN
 
 
@@ -24,7 +24,7 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
     class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
     _check_name(name, class_name)
     path = folder / f"{name}.py"
-    text = inspect.getsource(method_template).replace("NewMethod", class_name).replace("new_method", name)
+    text = inspect.getsource(template).replace("NewMethod", class_name).replace("new_method", name)
     try:
         if not path.exists() and _is_taken(name):
             raise ValueError(

@@ -8,8 +8,8 @@ from tiny_runs import TINY
 
 from curiobench.methods.sac import NonFiniteError
 from curiobench.rollout import collect, successes
+from curiobench.state import TrainingState
 from curiobench.tasks import BatchedStacking
-from curiobench.training_state import TrainingState
 
 
 class Still:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from curiobench.methods.reward import Batch
-from curiobench.probe_steps import Track, push_moments, stack_moments
+from curiobench.probe.steps import Track, push_moments, stack_moments
 from curiobench.replay import Episodes
 from curiobench.tasks.batch import BatchedStacking, Observation
 from curiobench.tasks.goals import GoalSpace

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 from tiny_runs import TINY, numbers
 
-from curiobench import training_state
 from curiobench.errors import Interrupted
 from curiobench.methods.guard import TAKEN
 from curiobench.methods.registry import available_specs
 from curiobench.methods.specs import ALIASES
 from curiobench.saved_agent import load_agent
+from curiobench.state import TrainingState
 from curiobench.train import train
 
 SPECS = [spec for spec in available_specs() if spec not in ALIASES]
@@ -27,7 +27,7 @@ def test_there_are_eleven_specs():
 def test_trains_three_hundred_updates_twice_alike_and_resumes_alike(tmp_path, monkeypatch, spec):
     config = replace(TINY, method=spec, method_config=None, updates=UPDATES // (TINY.epochs * TINY.cycles))
     train(config, tmp_path / "once")
-    learn, calls = training_state.TrainingState.learn, 0
+    learn, calls = TrainingState.learn, 0
 
     def learn_and_stop_once(state):
         nonlocal calls
@@ -36,7 +36,7 @@ def test_trains_three_hundred_updates_twice_alike_and_resumes_alike(tmp_path, mo
         if calls == 3:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(training_state.TrainingState, "learn", learn_and_stop_once)
+    monkeypatch.setattr(TrainingState, "learn", learn_and_stop_once)
     with pytest.raises(Interrupted):
         train(config, tmp_path / "stopped")
     train(config, tmp_path / "stopped", resume=True)

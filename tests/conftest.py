@@ -4,15 +4,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from tiny_runs import TINY
-
-from curiobench.cli import main
-from curiobench.train import train
 
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory) -> Path:
     """Folder of a finished run of TINY; not to be altered."""
+    from tiny_runs import TINY  # needs torch, which many tests do not
+
+    from curiobench.train import train
+
     path = tmp_path_factory.mktemp("runs") / "finished"
     train(TINY, path)
     return path
@@ -21,6 +21,7 @@ def finished(tmp_path_factory) -> Path:
 @pytest.fixture
 def cli(monkeypatch, capsys):
     """Runs a command in this process; gives exit code, stdout and stderr."""
+    from curiobench.cli import main
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])

@@ -8,7 +8,9 @@ from typing import Any
 
 from curiobench.learned_goals import align
 from curiobench.methods.specs import shown
-from curiobench.probe import (
+from curiobench.probe.episodes import Played, play_scripts, reference_transitions
+from curiobench.probe.figures import draw_q_int, draw_rewards
+from curiobench.probe.scores import (
     Among,
     ProbedRun,
     Reading,
@@ -18,9 +20,7 @@ from curiobench.probe import (
     own_transitions,
     read,
 )
-from curiobench.probe_episodes import Played, play_scripts, reference_transitions
-from curiobench.probe_figures import draw_q_int, draw_rewards
-from curiobench.probe_steps import falling, lifting
+from curiobench.probe.steps import falling, lifting
 
 
 def probe(

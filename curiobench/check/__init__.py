@@ -1,0 +1,1 @@
+"""Whether a curiosity method follows the rules, and a template to write one from."""

@@ -1,0 +1,1 @@
+"""What curiosity methods reward along scripted episodes."""
