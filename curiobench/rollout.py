@@ -1,6 +1,7 @@
-"""Collecting episodes, in all worlds at once."""
+"""Episodes in all worlds at once. Training, evaluation, videos and probes share this loop."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,37 +11,67 @@ from curiobench.tasks.registration import EPISODE_STEPS
 
 if TYPE_CHECKING:
     from curiobench.tasks import BatchedStacking
+    from curiobench.tasks.batch import Observation
+
+Act = Callable[["Observation"], np.ndarray]
+"""Chooses actions `(N, A)` in [-1, 1] for N observations."""
 
 
-def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray) -> Episodes:
-    """One episode in every world, by the agent's stochastic policy.
+class Rollout(NamedTuple):
+    """One episode in each of N worlds."""
+
+    episodes: Episodes
+    """N episodes."""
+    intact: np.ndarray
+    """`(N,)` bool. False where the physics diverged: that world was reset in mid-episode, which no action explains."""
+    reward: np.ndarray
+    """`(N,)` rewards of the last step."""
+
+
+def play(
+    worlds: "BatchedStacking", seen: "Observation", act: Act, watch: Callable[[], object] = lambda: None
+) -> Rollout:
+    """Play an episode in every world.
 
     Args:
         worlds: N worlds, just reset; left at the end of their episodes.
-        agent: chooses actions; it is asked once a step, for all worlds together.
-        goals: `(N, bits)` what each world's episode pursues.
+        seen: their first observation.
+        act: called once a step, for all worlds together.
+        watch: called in each of the `EPISODE_STEPS` + 1 states, for pictures and positions.
 
-    Returns:
-        N episodes, less those whose physics diverged: their world was reset half-way, which no action explains.
-
-    Raises:
-        NonFiniteError: an observation is NaN or infinite; names the step, the world and the entry.
+    Raises NonFiniteError where an observation is NaN or infinite; names the step, the world and the entry.
     """
-    seen = worlds.pursue(goals)
-    n, size, bits = *seen.observation.shape, goals.shape[1]
-    observation = np.empty((n, EPISODE_STEPS + 1, size), np.float32)
-    achieved = np.empty((n, EPISODE_STEPS + 1, bits), np.uint8)
-    actions = []
-    whole = np.ones(n, bool)
+    states, actions, intact, reward = [], [], np.ones(worlds.n_worlds, bool), None
     for step in range(EPISODE_STEPS + 1):
         if step > 0:
-            actions.append(agent.act(seen.observation, seen.achieved_goal, seen.desired_goal))
-            seen, _ = worlds.step(actions[-1])
-            whole &= ~worlds.diverged
-        check_finite(seen.observation, step)
-        observation[:, step], achieved[:, step] = seen.observation, seen.achieved_goal
-    action = np.stack(actions, axis=1)
-    return Episodes(observation[whole], achieved[whole], action[whole], goals[whole])
+            actions.append(act(seen))
+            seen, reward = worlds.step(actions[-1])
+            intact &= ~worlds.diverged
+        _check_finite(seen.observation, step)
+        states.append(seen)
+        watch()
+    observation = np.stack([state.observation for state in states], axis=1)
+    achieved = np.stack([state.achieved_goal for state in states], axis=1).astype(np.uint8)
+    return Rollout(Episodes(observation, achieved, np.stack(actions, axis=1), seen.desired_goal), intact, reward)
+
+
+def policy(agent: SAC, deterministic: bool = False) -> Act:
+    """The agent's policy, for `play`."""
+    return lambda seen: agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic)
+
+
+def collect(worlds: "BatchedStacking", agent: SAC, goals: np.ndarray) -> Episodes:
+    """One episode in every world, by the agent's stochastic policy, without those whose physics diverged.
+
+    Args:
+        worlds: N worlds, just reset.
+        agent: chooses actions.
+        goals: `(N, bits)` what each world's episode pursues.
+
+    Raises NonFiniteError as `play`.
+    """
+    episodes, intact, _ = play(worlds, worlds.pursue(goals), policy(agent))
+    return Episodes(*(array[intact] for array in vars(episodes).values()))
 
 
 def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +80,7 @@ def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
     return holds[:, 1], holds[:, 0]
 
 
-def check_finite(observation: np.ndarray, step: int) -> None:
+def _check_finite(observation: np.ndarray, step: int) -> None:
     """Raises NonFiniteError where an observation `(N, D)` of a step holds NaN or infinity."""
     if not np.isfinite(observation).all():
         world, entry = np.argwhere(~np.isfinite(observation))[0]

@@ -21,7 +21,8 @@ from curiobench.tasks.registration import TASK_VERSION
 FORMAT = "curiobench run"
 REPLAY = Path("checkpoint", "replay")
 """Folder of the episodes that the checkpoints refer to, within the run's."""
-_BEFORE_CONFIG = {".lock", "config.json.partial"}
+_LOCK = ".lock"
+_BEFORE_CONFIG = {_LOCK, "config.json.partial"}
 """What a run that was killed before it had a config.json may leave behind."""
 _LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
 """A grid that looks whether a run is under way holds its lock for an instant."""
@@ -48,7 +49,7 @@ class RunFolder:
         self._longer: dict[str, Any] | None = None
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(path / ".lock")
+            self._lock = _lock(path / _LOCK)
         except OSError as error:
             raise ValueError(f"cannot write to {path}: {error.strerror}") from None
         try:
@@ -208,6 +209,18 @@ def _lock(path: Path) -> io.TextIOWrapper:
     file.write(f"{os.getpid()}\n")
     file.flush()
     return file
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a process trains in a run folder."""
+    try:
+        with open(path / _LOCK) as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """What a cell's folder says about it. Grids share nothing but the folders, so they are asked each time."""
 
 import csv
-import fcntl
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, read_config
+from curiobench.run_folder import REPLAY, is_locked, read_config
 
 
 class State(StrEnum):
@@ -42,18 +41,6 @@ def look(cell: Cell) -> tuple[State, str]:
         if not (cell.path / REPLAY).is_dir():
             return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay kept to be made longer from"
     return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
-
-
-def is_locked(path: Path) -> bool:
-    """Whether a process trains in a run folder."""
-    try:
-        with open(path / ".lock") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
 
 
 @dataclass

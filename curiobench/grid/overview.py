@@ -13,6 +13,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from curiobench.display import duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
@@ -181,12 +182,3 @@ def _phrase(status: Status) -> str:
 def _learned(status: Status) -> str:
     progress = status.progress
     return "-" if progress.learned is None else f"{progress.learned}/{progress.goals or '?'}"
-
-
-def duration(seconds: float | None) -> str:
-    """Hours, minutes and seconds, as 1:02:03; "-" where it is not known."""
-    if seconds is None:
-        return "-"
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}"

@@ -15,8 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM
-from curiobench.grid.local import LocalJob, physical_cores
+from curiobench.grid.launcher import LOST, PROGRAM, LocalJob, physical_cores
 
 _POLL_SECONDS = 0.2
 _RESOURCES_SECONDS = 5.0

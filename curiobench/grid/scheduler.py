@@ -5,12 +5,13 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
+from curiobench.errors import StopRequest
 from curiobench.grid.cells import Cell
-from curiobench.grid.disk import State, is_locked
+from curiobench.grid.disk import State
 from curiobench.grid.launcher import LOST, Launcher, size_of, tail
 from curiobench.grid.overview import View
 from curiobench.grid.status import OPEN, Status
-from curiobench.grid.stop import StopRequest
+from curiobench.run_folder import is_locked
 
 POLL_SECONDS = 0.5
 """Between two looks at the processes; a cell takes minutes to days."""

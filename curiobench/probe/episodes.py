@@ -9,6 +9,7 @@ import numpy as np
 from curiobench.methods.reward import Batch
 from curiobench.probe.steps import Track, push_moments, stack_moments
 from curiobench.replay import Episodes
+from curiobench.rollout import Act, play
 from curiobench.tasks.batch import BatchedStacking, Observation
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.registration import EPISODE_STEPS
@@ -121,26 +122,20 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
 
 
 def _play_script(kind: Kind, worlds: BatchedStacking) -> Played:
-    script = kind.script()
+    script, qpos = kind.script(), []
     seen = worlds.reset(goals=kind.goal(worlds.goal_space))
-    return Played(kind, *_play(worlds, seen, lambda now: script.act(now.observation)), worlds.model)
+    episodes = _play(worlds, seen, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
+    return Played(kind, episodes, np.stack(qpos, axis=1), worlds.model)
 
 
 def _play_random(worlds: BatchedStacking, rng: np.random.Generator, biased: bool) -> Episodes:
     shape = (worlds.n_worlds, ACTION_SIZE)
-    return _play(worlds, worlds.reset(biased=biased), lambda _: rng.uniform(-1, 1, shape))[0]
+    return _play(worlds, worlds.reset(biased=biased), lambda _: rng.uniform(-1, 1, shape))
 
 
-def _play(
-    worlds: BatchedStacking, seen: Observation, act: Callable[[Observation], np.ndarray]
-) -> tuple[Episodes, np.ndarray]:
-    """An episode in every world from what is seen at its start, and the positions (N, T + 1, nq)."""
-    states, qpos, actions = [seen], [worlds.qpos.copy()], []
-    for _ in range(EPISODE_STEPS):
-        actions.append(act(states[-1]).astype(np.float32))
-        states.append(worlds.step(actions[-1])[0])
-        qpos.append(worlds.qpos.copy())
-    if worlds.divergences:
+def _play(worlds: BatchedStacking, seen: Observation, act: Act, watch: Callable[[], object] = lambda: None) -> Episodes:
+    """`play`, which raises ValueError where physics diverged."""
+    episodes, intact, _ = play(worlds, seen, lambda now: act(now).astype(np.float32), watch)
+    if not intact.all():
         raise ValueError("the physics of a probed episode diverged; choose another seed")
-    observation, achieved = (np.stack([getattr(s, n) for s in states], 1) for n in ("observation", "achieved_goal"))
-    return Episodes(observation, achieved, np.stack(actions, 1), seen.desired_goal), np.stack(qpos, 1)
+    return episodes

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from curiobench.records import WALL_CLOCK
+from curiobench.state import WALL_CLOCK
 
 pytestmark = pytest.mark.slow
 

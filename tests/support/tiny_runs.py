@@ -7,9 +7,9 @@ import torch
 
 from curiobench.config import RunConfig
 from curiobench.methods.settings import SACConfig
-from curiobench.records import WALL_CLOCK
 from curiobench.replay import ReplayConfig
 from curiobench.run_folder import read_rows
+from curiobench.state import WALL_CLOCK
 
 TINY = RunConfig(
     task="stack2",
