@@ -8,7 +8,7 @@ from pathlib import Path
 
 from curiobench.cli.train_arguments import parse_train
 from curiobench.config import RunConfig
-from curiobench.grid.definition import Grid, Options, Scalar, repeated
+from curiobench.grid.definition import Grid, Options, Scalar
 from curiobench.methods.specs import shown
 from curiobench.options import flatten
 from curiobench.presets import PRESETS
@@ -65,7 +65,8 @@ def cells_of(grid: Grid, out: Path) -> list[Cell]:
         raise ValueError(f"options: {taken[0]} has a key and a flag of its own")
     by_seed = list(zip(*(_seeds_of_one(grid, out, *axes) for axes in _axes(grid)), strict=True))
     cells = [cell for row in by_seed for cell in row]
-    if doubled := repeated([cell.folder for cell in cells]):
+    folders = [cell.folder for cell in cells]
+    if doubled := [name for name in folders if folders.count(name) > 1]:
         raise ValueError(f"two cells would share the folder {doubled[0]}; is a method named twice?")
     return cells
 

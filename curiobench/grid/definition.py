@@ -46,14 +46,14 @@ class Grid:
             values = getattr(self, name)
             if not values:
                 raise ValueError(f"the grid has no {name}: name some by --{name}, or by {name} in the file")
-            if doubled := repeated(values):
+            if doubled := _repeated(values):
                 raise ValueError(f"{name} names {doubled[0]} twice")
         for seed in (min(self.seeds), max(self.seeds)):
             if not 0 <= seed <= LARGEST_SEED:
                 raise ValueError(f"seeds holds {seed}; a seed lies between 0 and {LARGEST_SEED}")
 
 
-def repeated(values: Sequence[Any]) -> list[Any]:
+def _repeated(values: Sequence[Any]) -> list[Any]:
     """Values that stand earlier in the sequence, too."""
     return [value for i, value in enumerate(values) if value in values[:i]]
 
@@ -102,7 +102,7 @@ class _Loader(yaml.SafeLoader):
         names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         if "<<" in names:  # a few lines of nested ones take hours
             raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are not allowed", node.start_mark)
-        if doubled := repeated(names):
+        if doubled := _repeated(names):
             raise yaml.constructor.ConstructorError(
                 None, None, f"the key {doubled[0]!r} is there twice", node.start_mark
             )
@@ -204,7 +204,7 @@ def _options_of_text(text: str) -> dict[str, Scalar]:
         if not sign:
             raise ValueError(f"options: {name!r} has no value; expected pairs such as epochs=12,sac.gamma=0.9")
     names = [name.strip() for name, _, _ in pairs]
-    if doubled := repeated(names):
+    if doubled := _repeated(names):
         raise ValueError(f"options: the option {doubled[0]!r} is there twice")
     words = {"true": True, "false": False}
     values = (value.strip() for _, _, value in pairs)
