@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from curiobench.methods.registry import MethodSpec
 
 CONFIG_VERSION = 1
-"""Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
+"""Incremented when a field is removed or changes its meaning, or when a new field's default differs from old runs."""
 
 PAPER_EPOCHS = 500
 """Epochs of the paper's runs, in which it gives its schedules."""
@@ -146,7 +146,7 @@ class RunConfig:
             raise ValueError(f"device is {self.device!r}; legal are cpu, cuda and cuda:N")
 
     def _check_method(self) -> None:
-        """Bring the spec to its one form, and see that the settings are the method's."""
+        """Make the spec canonical, and check that the settings are the method's."""
         if self.method == "sac" and self.method_config is None:
             return  # spares the presets, and with them `--help`, the second that torch takes to load
         spec = _parse_spec(self.method)

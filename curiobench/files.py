@@ -1,4 +1,4 @@
-"""Files that are whole or absent, whatever happens while they are written."""
+"""Files written atomically: after a kill at any moment there is the old file or the new one."""
 
 import json
 import os
@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 
 def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file beside its place, then rename it: a kill or power cut at any moment leaves the old or the new one.
+    """Write a temporary file, then rename it: a kill or power cut at any moment leaves the old file or the new one.
 
     Raises OSError where there is no space or no right to write; the old file is kept and the attempt removed.
     """

@@ -47,7 +47,7 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
     The goal of most transitions that `draw_future` gives either holds already or is never reached in the episode. Those
     of arrivals are still to be reached, and are. But goals drawn with hindsight alone show the agent hardly any
     failure: it thinks too well of actions that, say, push a block off the table. So there are steps of any episode too,
-    under the goal that it pursued. `satisfied_cap` holds for the batch as a whole.
+    under the goal that it pursued. `satisfied_cap` is a share of all of the batch.
     """
     config = replay.config
     occurring = np.flatnonzero(replay.arrivals.counts)

@@ -1,4 +1,4 @@
-"""Replay of whole episodes, in numpy.
+"""Replay of episodes, in numpy.
 
 Nothing about goals or rewards is stored with a transition: goals are drawn (`relabelling.py`), and rewards recomputed,
 for every batch.
@@ -201,7 +201,7 @@ class EpisodeReplay:
         return self.arrays["observation"][slot, step]
 
     def save(self, folder: Path) -> str:
-        """Write the episodes added since the last save, then a manifest of the whole state; see `EpisodeFiles`.
+        """Write the episodes added since the last save, then a manifest of the state; see `EpisodeFiles`.
 
         Returns:
             The manifest's name, to be kept with the agent's checkpoint and given to `load`.

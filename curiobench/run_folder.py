@@ -23,9 +23,9 @@ REPLAY = Path("checkpoint", "replay")
 """Folder of the episodes that the checkpoints refer to, within the run's."""
 _LOCK = ".lock"
 _BEFORE_CONFIG = {_LOCK, "config.json.partial"}
-"""What a run that was killed before it had a config.json may leave behind."""
+"""Files that may exist before config.json, if the run was killed early."""
 _LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
-"""A grid that looks whether a run is under way holds its lock for an instant."""
+"""`is_locked` holds the lock for an instant."""
 CSV_FILES = ("progress.csv", "evaluations.csv")
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own."""
@@ -74,7 +74,7 @@ class RunFolder:
         return self.path / "replay"
 
     def _claim(self, resume: bool, command: Sequence[str]) -> None:
-        """Write config.json, or see that the one that is there allows this run."""
+        """Write config.json, or check that the existing one allows this run."""
         if (self.path / "config.json").exists():
             self._continue(resume, command)
         elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
@@ -83,7 +83,7 @@ class RunFolder:
             self._write_config(command)
 
     def _continue(self, resume: bool, command: Sequence[str]) -> None:
-        """See that the run that is there may go on; one that is to be longer stays as it is until `lengthen`."""
+        """Check that the run in the folder may continue. `lengthen` writes the record of one with more epochs."""
         finished = (self.path / "result.json").exists()
         if not resume and not finished:
             raise ValueError(f"{self.path} exists; use --resume to continue it")
@@ -97,7 +97,7 @@ class RunFolder:
             self._longer = self._longer_record(begun, finished, command)
 
     def _longer_record(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> dict[str, Any]:
-        """The record of the run with more epochs. It will end with the rows of one that had them from the start."""
+        """The record of the run with more epochs. Its rows will be those of a run that had them from the start."""
         if finished and not self.replay.is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
@@ -114,9 +114,9 @@ class RunFolder:
         return record | {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
 
     def lengthen(self) -> None:
-        """Write down that the run is longer now, if it is; to be called when all that it goes on from has been read."""
+        """Write the record of a run with more epochs, if it is one. To be called once the checkpoint has been read."""
         if self._longer is not None:
-            # in this order: a kill in between leaves a run that only has to be finished once more
+            # in this order: after a kill in between, the old run can be finished again
             (self.path / "result.json").unlink(missing_ok=True)
             self._write_record(self._longer)
 
@@ -159,7 +159,7 @@ class RunFolder:
         return {name: path.stat().st_size if path.exists() else 0 for name, path in paths.items()}
 
     def truncate(self, sizes: dict[str, int]) -> None:
-        """Cut off rows written after a checkpoint, which are to come again.
+        """Cut off rows written after a checkpoint; the run writes them again.
 
         Raises ValueError where a file is shorter than it was at the checkpoint.
         """
@@ -176,7 +176,7 @@ class RunFolder:
         write_json(self.path / "result.json", result)
 
     def close(self) -> None:
-        """Let others use the folder."""
+        """Release the lock."""
         self._lock.close()
 
     def __enter__(self) -> Self:
@@ -191,7 +191,7 @@ def _now() -> str:
 
 
 def _lock(path: Path) -> io.TextIOWrapper:
-    """An open, locked file. The lock goes with the process, however it ends: a stale one cannot be left behind."""
+    """An open, locked file. The lock ends with the process, however that ends."""
     file = open(path, "a+")  # noqa: SIM115 - stays open as long as the folder
     for attempt in range(_LOCK_ATTEMPTS):
         try:
@@ -245,8 +245,8 @@ def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
 
     Args:
         path: of the folder.
-        trusted: methods from outside, as `package.module:Class`, that may be imported: a config that somebody else
-            wrote must not decide which code runs here.
+        trusted: methods from outside, as `package.module:Class`, that may be imported. A config from
+            elsewhere must not decide which code runs here.
 
     Raises ValueError as `read_record`, where this version cannot read the config, and where its method is not trusted.
     """

@@ -36,14 +36,14 @@ STREAMS = ("worlds", "goals", "replay", "agent")
 """Random streams of a run, spawned from its seed by position: append only, or every run changes."""
 
 PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
-"""What the wall-clock time of a run goes into."""
+"""Parts of a run's wall-clock time."""
 WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PARTS))
-"""Columns of progress.csv that two runs of one config may differ in; they come last."""
+"""Columns of progress.csv that may differ between two runs of one config; they come last."""
 
 
 @dataclass
 class Counters:
-    """Where training stands, and the sums that the next row of progress.csv is made of. Plain values only."""
+    """Progress of training, and the sums behind the next row of progress.csv. Plain values only."""
 
     epoch: int = 0
     """Epochs completed."""
@@ -56,15 +56,15 @@ class Counters:
     sums: dict[str, float] = field(default_factory=dict)
     """Sums over the present epoch of what `collect` counts; by name."""
     metrics: dict[str, float] = field(default_factory=dict)
-    """Sums over the present epoch's cycles of the means of what the agent reports; by name."""
+    """Sums over the present epoch's cycles of the means of the agent's metrics; by name."""
     seconds: dict[str, float] = field(default_factory=dict)
-    """Wall-clock seconds since training began, by what they went into."""
+    """Wall-clock seconds since training began, by part."""
 
     peak_memory_mb: float = 0.0
     """Largest memory of any of the run's processes, as last noted."""
 
     def note_memory(self) -> float:
-        """Take this process into `peak_memory_mb`, and return it."""
+        """Update `peak_memory_mb` by this process, and return it."""
         self.peak_memory_mb = max(self.peak_memory_mb, _peak_memory_mb())
         return self.peak_memory_mb
 
@@ -129,7 +129,7 @@ class TrainingState:
     Attributes:
         agent: learns and acts.
         replay: the episodes it learns from.
-        counters: where training stands.
+        counters: progress and sums.
         reached: `(G,)` bool, the valid goals that an episode has ever ended in.
     """
 
@@ -219,7 +219,7 @@ class TrainingState:
         }
 
     def load(self, folder: Path, agent: dict[str, Any], values: dict[str, Any]) -> None:
-        """Take up where the agent's `state_dict` and what `save` returned were taken.
+        """Restore the agent's `state_dict` and what `save` returned.
 
         Raises KeyError, TypeError, ValueError, RuntimeError or OSError where they are damaged or of another run.
         """
@@ -234,7 +234,7 @@ class TrainingState:
 
 
 def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[str, Any]:
-    """A row of progress.csv about the epoch that ends now; None where there is nothing to tell."""
+    """A row of progress.csv about the epoch that ends now; a value is None where nothing was measured."""
     counters, sums = state.counters, state.counters.sums
     row = {
         "epoch": counters.epoch + 1,
@@ -254,7 +254,7 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
 
 
 def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What result.json holds: the last evaluation in short, from the rows of evaluations.csv, and what the run cost."""
+    """The content of result.json: a summary of the last evaluation, from the rows of evaluations.csv, and the cost."""
     last = last_evaluation(rows)
     layers = learned_by_layer(last)
     return {
@@ -280,5 +280,5 @@ def machine() -> str:
     return f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores"
 
 
-def _share(part: float, whole: float) -> float | None:
-    return part / whole if whole else None
+def _share(part: float, total: float) -> float | None:
+    return part / total if total else None

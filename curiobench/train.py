@@ -127,7 +127,7 @@ class Run:
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 
     def _restore(self) -> None:
-        """Take up the newest checkpoint, or begin; rows of the csv files that came after it are cut off."""
+        """Restore the newest checkpoint, if any, and cut off rows of the csv files that were written after it."""
         path = self.folder.checkpoint
         saved = checkpoint.load(path, self.config.fingerprint())
         if saved is None:
@@ -139,25 +139,25 @@ class Run:
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
-        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is to stay."""
+        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is kept."""
         rows = read_rows(self.folder.path / "evaluations.csv")
         picture = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
         self.folder.write_result(result(self.state, rows))
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
         self.display.note(f"learning curve: {picture}\nresult: {self.folder.path / 'result.json'}")
-        served = [self.folder.mapped_replay, *([] if self.config.machine.keep_replay else [self.folder.replay])]
-        for episodes in served:
-            shutil.rmtree(episodes, ignore_errors=True)
+        shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
+        if not self.config.machine.keep_replay:
+            shutil.rmtree(self.folder.replay, ignore_errors=True)
 
 
 def _changed_versions(path: Path, method: str) -> str:
-    """What is not of the version that the run was started under, as text; empty if all is."""
+    """Versions that differ from those that the run was started under, as text; empty if none does."""
     then, now = read_record(path)["versions"], versions(method)
     return ", ".join(f"{name} {now[name]}, was {then.get(name)}" for name in now if then.get(name) != now[name])
 
 
 def _kept(out: Path) -> str:
-    """Write the traceback to error.log, if the disk takes it, and say what is kept."""
+    """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
     kept = "; the last checkpoint is kept" if (out / "checkpoint").exists() else ""
     with suppress(OSError):
         (out / "error.log").write_text(traceback.format_exc())

@@ -1,7 +1,7 @@
 """`curiobench check`: whether a curiosity method keeps the rules of `IntrinsicReward`, a line a property.
 
 Each property is a function of a `Subject` that raises `Broken` with what was expected and found, or `Skipped` with the
-reason; else it passes. `PROPERTIES` gives each its name. They do not lean on each other: a method that breaks one rule
+reason; else it passes. `PROPERTIES` gives each its name. They are independent: a method that breaks one rule
 fails one line.
 """
 
@@ -15,16 +15,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from curiobench.check import Finding
 from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
-from curiobench.findings import Finding
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
 from curiobench.state import pair_layout
 from curiobench.tasks.goals import goal_space
 
-DEAR = 2.0
-"""Cost of an update, as a multiple of one of `sac`, above which a warning is due."""
+MAX_COST = 2.0
+"""Cost of an update, as a multiple of one of `sac`, above which there is a warning."""
 ROUNDS = 15
 """Timed rounds, of which the median counts: other processes may be at work."""
 TIMED_BATCH = 512
@@ -53,7 +53,7 @@ def examine(method: type[IntrinsicReward]) -> list[Finding]:
 
 
 def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Finding:
-    """What one property comes to."""
+    """The finding for one property."""
     try:
         tried(subject)
     except Skipped as reason:
@@ -218,7 +218,7 @@ def blind_to_goals(subject: Subject) -> None:
     method, seen, view = subject.trained(), subject.transitions(5), subject.view(5)
     state, rewards = snapshot(method), []
     for policy in (None, view, replace(view, desired_goal=1 - view.desired_goal)):
-        method.load_state_dict(copy.deepcopy(state))  # a reward that changes the method is another rule's business
+        method.load_state_dict(copy.deepcopy(state))  # another rule is about rewards that change the method
         rewards.append(method.reward(replace(seen, policy=policy)))
     _expect(same(rewards[0], rewards[1]) and same(*rewards[1:]), "one reward for any goal", "it changes with the goal")
 
@@ -259,10 +259,10 @@ PROPERTIES: dict[str, Callable[[Subject], None]] = {
     "does not train while evaluating": idle_in_evaluation,
     "takes 2 and 3 blocks, and other batches": other_sizes,
 }
-"""Every property that a method has or has not."""
+"""Checks by the name of the property."""
 
 COST = "cost of an update"
-"""What is measured rather than demanded."""
+"""Name of the finding that is a measurement."""
 
 
 def cost(subject: Subject) -> Finding:
@@ -278,5 +278,5 @@ def cost(subject: Subject) -> Finding:
         method.update(transitions)
         ratios.append((time.perf_counter() - started) / (between - started))
     found = float(np.median(ratios))
-    detail = f"{found:.2f} times that of sac alone; expected at most {DEAR:g}"
-    return Finding(COST, "warn" if found > DEAR else "pass", detail)
+    detail = f"{found:.2f} times that of sac alone; expected at most {MAX_COST:g}"
+    return Finding(COST, "warn" if found > MAX_COST else "pass", detail)

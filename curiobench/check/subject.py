@@ -1,4 +1,4 @@
-"""What the properties of conformance.py are tried on: a curiosity method in a task's sizes, batches, and an agent."""
+"""What the properties are checked on: a curiosity method in a task's sizes, batches, and an agent."""
 
 import copy
 import random

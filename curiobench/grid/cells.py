@@ -17,7 +17,7 @@ from curiobench.tasks.registration import check_name
 _OWN = ("task", "method", "seed")
 """Options that are axes of the grid."""
 _AXES_OF_ALL = ("preset", "robot")
-"""Options that the grid has keys of its own for; a variant may still differ in them."""
+"""Options with separate keys in the grid; variants may still change them."""
 _METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
 
 
@@ -30,11 +30,11 @@ class Cell:
     folder: str
     """Name of the run folder in it."""
     method: str
-    """Method spec as it is shown: `mihm`, not `mi+hm`."""
+    """Method spec for display: `mihm`, not `mi+hm`."""
     variant: str
     """Name of the variant; empty where the grid has none."""
     config: RunConfig
-    """Decides the numbers of the run."""
+    """Config of the run."""
     arguments: tuple[str, ...]
     """Arguments of `curiobench train`."""
 

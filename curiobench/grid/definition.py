@@ -172,7 +172,7 @@ def _mapping(value: Any, where: str) -> dict[str, Any]:
 
 
 def _kind(value: Any) -> str:
-    """A value as an error message shows it; what is nested is not shown, it may be endless."""
+    """A value for an error message; the content of lists and mappings is left out."""
     if isinstance(value, list):
         return "a list"
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""What a cell's folder says about it. Grids share nothing but the folders, so they are asked each time."""
+"""The state of a cell, read from its folder. Grids share nothing but folders, so it is read anew each time."""
 
 import csv
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class State(StrEnum):
     FINISHED = "finished"
     BROKEN = "broken"
     CONFLICT = "conflict"
-    """Its folder holds something else, which is left alone."""
+    """Its folder holds something else, which is not touched."""
     STOPPED = "stopped"
 
 
@@ -68,14 +68,14 @@ class ProgressReader:
         self.progress = Progress()
 
     def update(self) -> Progress:
-        """The progress as the files tell it now."""
+        """The present progress."""
         try:
             status = (self._path / "progress.csv").stat()
             if (status.st_size, status.st_mtime_ns) != self._stamp:
                 self.progress = self._read(status.st_mtime)
                 self._stamp = (status.st_size, status.st_mtime_ns)
         except (OSError, ValueError, KeyError, csv.Error):
-            pass  # not there yet, or in the midst of being written: the next look tells
+            pass  # missing, or just being written: read again at the next call
         return self.progress
 
     def _read(self, written: float) -> Progress:

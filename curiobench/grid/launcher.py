@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 PROGRAM = ("-m", "curiobench")
-"""What the Python of the machine runs, before `train` and its arguments."""
+"""Arguments of Python before `train` and its own."""
 
 ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -34,7 +34,7 @@ class Job(Protocol):
         """Ask it to end after a checkpoint, by SIGINT or SIGTERM; called once."""
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill it."""
 
 
 class Launcher(Protocol):
@@ -47,11 +47,11 @@ class Launcher(Protocol):
         """Start `curiobench train` with its output appended to a file; raises OSError where that is impossible."""
 
     def close(self) -> None:
-        """Give back what was taken; every job has ended."""
+        """Release resources; every job has ended."""
 
 
 def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
-    """A log to append to, with a line on what begins now. Each write is whole even if two processes append."""
+    """A log to append to, with a line on what begins now. Unbuffered: two processes may append."""
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
     now = datetime.now(UTC).isoformat(timespec="seconds")
     log.write(f"--- {now} {os.uname().nodename}: {shlex.join(command)}\n".encode())
@@ -107,7 +107,7 @@ class LocalJob:
         self._process.send_signal(number)
 
     def kill(self) -> None:
-        """End the whole session at once, and wait for the process."""
+        """Kill the session, and wait for the process."""
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
@@ -133,7 +133,7 @@ class LocalLauncher:
         return LocalJob([sys.executable, *self._program, "train", *arguments], log)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Does nothing."""
 
 
 def physical_cores() -> int:

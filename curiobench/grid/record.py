@@ -1,4 +1,4 @@
-"""grid.json: the cells that a grid's folder is to hold, so that tables can name those that are missing."""
+"""grid.json: the cells that belong to a grid's folder. Tables name those that are missing."""
 
 import fcntl
 import shlex

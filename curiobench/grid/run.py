@@ -1,4 +1,4 @@
-"""`curiobench grid`, top to bottom: what is asked for, who launches it, what became of it."""
+"""`curiobench grid`, top to bottom: read the definition, choose the launcher, train, report."""
 
 import shlex
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     cells = cells_of(define(arguments), out)
     if arguments.dry_run:
         for cell in cells:
-            print(f"{cell.folder}: {_said(cell)}\n  {shlex.join(cell.command)}")
+            print(f"{cell.folder}: {_state(cell)}\n  {shlex.join(cell.command)}")
         return
     launcher = _launcher(arguments)
     try:
@@ -48,7 +48,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
 
 
 def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
-    """Train cells and report what became of them; raises as `run_grid`."""
+    """Train cells and report faults; raises as `run_grid`."""
     with StopRequest() as stop:
         scheduler = Scheduler(cells, launcher, retries, view, stop)
         slots = launcher.slots()
@@ -79,6 +79,6 @@ def _launcher(arguments: GridArguments) -> Launcher:
     return LocalLauncher(arguments.jobs or physical_cores())
 
 
-def _said(cell: Cell) -> str:
+def _state(cell: Cell) -> str:
     state, reason = look(cell)
     return f"{state}: {reason}" if reason else str(state)

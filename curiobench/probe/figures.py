@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STEPS_AFTER = 10
-"""Steps shown after the last key moment; the hand rests from then on, and numbers.csv has the others."""
+"""Steps shown after the last key moment; the hand rests from then on. numbers.csv has all steps."""
 BANDS = {"controlled lifting": (lifting, "#A8C8E8"), "falling": (falling, "#D8D8D8")}
 """Steps that are shaded, and how; lighter than any line."""
 Q_NAMES = {"popart": "n_PopArt(Q_int)", "zscore": "Q_int of the z-scored reward"}
@@ -55,8 +55,8 @@ def draw_rewards(
     first = runs[0].config
     reference = REFERENCES[among].format(others="/".join(sorted({str(others(run)) for run in runs})))
     caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, reference=reference)
-    if runs[0].asked_as_of is not None:
-        caption += f" Methods are told that it is epoch {runs[0].asked_as_of}."
+    if runs[0].as_of_epoch is not None:
+        caption += f" Methods are told that it is epoch {runs[0].as_of_epoch}."
     figure.supxlabel(textwrap.fill(caption, 130), fontsize=7.5, color="0.35", x=0.02, ha="left")
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")

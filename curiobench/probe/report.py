@@ -2,11 +2,12 @@
 
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from curiobench.learned_goals import align
+from curiobench.methods.intrinsic_value import MEMBERS
+from curiobench.methods.reward import Batch
 from curiobench.methods.specs import shown
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
@@ -40,7 +41,7 @@ def probe(
         starts: plain starts from which each script is played, at least 1.
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
-        as_of_epoch: what methods are told as their epoch, at least 0; that of each checkpoint if None.
+        as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
         among: what a probed transition is scored among: random play, the same for all, or each run's own replay.
 
     Returns:
@@ -50,19 +51,9 @@ def probe(
         ValueError: runs that cannot be read or compared, that have no replay to be scored among, or a folder that
             cannot be written.
     """
-    if as_of_epoch is not None and as_of_epoch < 0:
-        raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
-    runs, notes = open_runs(paths, trusted)
-    if as_of_epoch is not None:
-        runs = [replace(run, asked_as_of=as_of_epoch) for run in runs]
-        notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
-    task, robot = runs[0].config.task, runs[0].config.robot
-    played = play_scripts(task, robot, starts, seed)
-    if among == "random":
-        references = [reference_transitions(task, robot, seed)] * len(runs)
-    else:
-        references = [own_transitions(run, seed) for run in runs]
-    pairs = list(zip(runs, references, strict=True))
+    runs, notes = open_runs(paths, trusted, as_of_epoch)
+    played = play_scripts(runs[0].config.task, runs[0].config.robot, starts, seed)
+    pairs = list(zip(runs, _references(runs, seed, among), strict=True))
     readings = [[read(run, episodes, reference) for run, reference in pairs] for episodes in played]
     scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
     try:
@@ -75,6 +66,13 @@ def probe(
     except OSError as error:
         raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
     return format_scores(runs, scores), notes, files
+
+
+def _references(runs: Sequence[ProbedRun], seed: int, among: Among) -> list[Batch]:
+    """The transitions that each run's steps are scored among."""
+    if among == "replay":
+        return [own_transitions(run, seed) for run in runs]
+    return [reference_transitions(runs[0].config.task, runs[0].config.robot, seed)] * len(runs)
 
 
 def draw(
@@ -132,7 +130,7 @@ def _number_rows(
                 at = row["start"], row["step"] - 1
                 values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
                 values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
-                           for name in ("popart", "zscore")}  # fmt: skip
+                           for name in MEMBERS}  # fmt: skip
                 yield {"method": shown(run.config.method), "run": str(run.path), "epoch": run.epoch} | row | values
 
 

@@ -39,8 +39,8 @@ class ProbedRun(SavedRun):
 
     label: str
     """The method's spec, with the folder's name where several runs share it."""
-    asked_as_of: int | None = None
-    """Epoch that the method is told, of the paper's 500; None for the checkpoint's. Decides MI's lambda."""
+    as_of_epoch: int | None = None
+    """Epoch that the method is given, of the paper's 500; None for the checkpoint's. Decides MI's lambda."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,24 @@ class Score:
     """How many starts have both kinds of steps."""
 
 
-def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[list[ProbedRun], list[str]]:
-    """Load runs to compare, and say in a line each which were left out because they have no intrinsic reward.
+def open_runs(
+    paths: Sequence[Path], trusted: Collection[str] = (), as_of_epoch: int | None = None
+) -> tuple[list[ProbedRun], list[str]]:
+    """Load runs to compare.
+
+    Args:
+        paths: run folders.
+        trusted: methods from outside that may be imported.
+        as_of_epoch: epoch that the methods are given, at least 0; that of each checkpoint if None.
+
+    Returns:
+        Runs with an intrinsic reward, and notes for the user, a line each.
 
     Raises ValueError where a folder is no run's, has no checkpoint, or is named twice, where tasks or robots differ,
     or where nothing is left.
     """
+    if as_of_epoch is not None and as_of_epoch < 0:
+        raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
     if not paths:
         raise ValueError("name at least one run folder")
     if len({path.resolve() for path in paths}) < len(paths):
@@ -95,7 +107,11 @@ def open_runs(paths: Sequence[Path], trusted: Collection[str] = ()) -> tuple[lis
         raise ValueError("; ".join(notes))
     specs = [shown(run.config.method) for run in curious]
     labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
-    return [ProbedRun(**vars(run), label=label) for run, label in zip(curious, labels, strict=True)], notes
+    if as_of_epoch is not None:
+        notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
+    return [
+        ProbedRun(**vars(run), label=label, as_of_epoch=as_of_epoch) for run, label in zip(curious, labels, strict=True)
+    ], notes
 
 
 def own_transitions(run: ProbedRun, seed: int) -> Batch:
@@ -150,7 +166,7 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     if n_particles:
         states = reference.next_observation[-n_particles:] if reference.particles is None else reference.particles
         together = replace(together, particles=states)
-    epoch = run.config.paper_epoch(run.epoch) if run.asked_as_of is None else run.asked_as_of
+    epoch = run.config.paper_epoch(run.epoch) if run.as_of_epoch is None else run.as_of_epoch
     seen = what_method_sees(run.agent, together, epoch)
     rest = torch.arange(n, n + size)
     batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))

@@ -210,14 +210,14 @@ def test_a_method_that_does_not_run_is_not_examined_further():
     assert len(others) == len(PROPERTIES) + 1
 
 
-def test_a_dear_method_is_warned_of():
-    class Dear(NewMethod):
+def test_a_costly_method_gets_a_warning():
+    class Costly(NewMethod):
         def update(self, transitions):
             for _ in range(60):
                 metrics = super().update(transitions)
             return metrics
 
-    assert cost(Subject(Dear, pair_layout(goal_space(2)))).verdict == "warn"
+    assert cost(Subject(Costly, pair_layout(goal_space(2)))).verdict == "warn"
 
 
 def test_examining_leaves_global_random_state_alone():

@@ -189,7 +189,7 @@ def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
     (run,), _ = open_runs([runs["mi+hm"]])
     run.agent.intrinsic.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
     assert np.unique(read(run, played[0], reference).raw) == [run.epoch]
-    assert np.unique(read(replace(run, asked_as_of=500), played[0], reference).raw) == [500]
+    assert np.unique(read(replace(run, as_of_epoch=500), played[0], reference).raw) == [500]
 
 
 def test_a_method_that_gives_nan_is_named(runs, played, reference):
