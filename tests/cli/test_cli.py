@@ -25,7 +25,7 @@ def test_help_imports_neither_torch_nor_mujoco(command):
     program = (
         f"import sys; from curiobench.cli import main; sys.argv = {arguments}\n"
         "try: main()\nexcept SystemExit as e: code = e.code\n"
-        "print(code, sorted({'torch', 'mujoco', 'matplotlib', 'pandas'} & set(sys.modules)))"
+        "print(code, sorted({'torch', 'mujoco', 'matplotlib', 'pandas', 'ray', 'yaml'} & set(sys.modules)))"
     )
     output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert output.endswith("0 []\n")

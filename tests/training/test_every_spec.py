@@ -1,4 +1,4 @@
-"""Each of the eleven specs trains in the harness: twice alike, and alike when it is stopped and resumed."""
+"""Each of the eleven specs trains: twice alike, and alike when it is stopped and resumed."""
 
 import os
 import signal
