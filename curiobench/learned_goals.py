@@ -1,4 +1,4 @@
-"""Learned goals of one evaluation: counted by layer, and as text."""
+"""Learned goals of one evaluation, counted by layer and as text."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

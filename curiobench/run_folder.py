@@ -8,13 +8,12 @@ import platform
 import subprocess
 import time
 from collections.abc import Container, Sequence
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
-from curiobench.files import read_json, write_json
+from curiobench.files import now, read_json, write_json, writing_to
 from curiobench.protocol import EVALUATION_SEED
 from curiobench.tasks.registration import TASK_VERSION
 
@@ -47,11 +46,9 @@ class RunFolder:
         """
         self.path, self.config = path, config
         self._longer: dict[str, Any] | None = None
-        try:
+        with writing_to(path):
             path.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(path / _LOCK)
-        except OSError as error:
-            raise ValueError(f"cannot write to {path}: {error.strerror}") from None
         try:
             self._claim(resume, command)
         except BaseException:
@@ -110,7 +107,7 @@ class RunFolder:
                 f"evaluate_every {begun.evaluate_every} is not"
             )
         record = read_record(self.path)
-        head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": _now()}
+        head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": now()}
         return record | {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
 
     def lengthen(self) -> None:
@@ -122,14 +119,12 @@ class RunFolder:
 
     def _write_config(self, command: Sequence[str]) -> None:
         record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
-        record |= {"versions": versions(self.config.method), "command": list(command), "created": _now()}
+        record |= {"versions": versions(self.config.method), "command": list(command), "created": now()}
         self._write_record(record)
 
     def _write_record(self, record: dict[str, Any]) -> None:
-        try:
+        with writing_to(self.path):
             write_json(self.path / "config.json", record)
-        except OSError as error:
-            raise ValueError(f"cannot write to {self.path}: {error.strerror}") from None
 
     def append(self, name: str, rows: Sequence[dict[str, Any]]) -> None:
         """Add rows to a csv file, which gets the first row's names as its header. None becomes an empty field.
@@ -184,10 +179,6 @@ class RunFolder:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _lock(path: Path) -> io.TextIOWrapper:

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import torch
 from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA, Situation
 from curiobench.evaluation import Evaluation
+from curiobench.files import now
 from curiobench.learned_goals import last_evaluation, learned_by_layer
 from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent
@@ -268,7 +268,7 @@ def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str,
         "seconds": sum(state.counters.seconds.values()),
         "peak_memory_mb": round(state.counters.note_memory()),
         "machine": machine(),
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "finished": now(),
     }
 
 

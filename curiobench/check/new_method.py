@@ -19,7 +19,7 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
     Returns:
         The file, and the method spec by which `curiobench` finds it from within `folder`.
 
-    Raises ValueError where the name does not do, or the file exists or cannot be written.
+    Raises ValueError where the name is not possible, or the file exists or cannot be written.
     """
     class_name = "".join(part[:1].upper() + part[1:] for part in name.split("_"))
     _check_name(name, class_name)

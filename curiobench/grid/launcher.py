@@ -6,9 +6,10 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO, Protocol
+
+from curiobench.files import now
 
 PROGRAM = ("-m", "curiobench")
 """Arguments of Python before `train` and its own."""
@@ -53,8 +54,7 @@ class Launcher(Protocol):
 def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
     """A log to append to, with a line on what begins now. Unbuffered: two processes may append."""
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    log.write(f"--- {now} {os.uname().nodename}: {shlex.join(command)}\n".encode())
+    log.write(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n".encode())
     return log
 
 
@@ -82,7 +82,7 @@ def size_of(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-class LocalJob:
+class LocalJob(Job):
     """A process in a session of its own: Ctrl-C in the terminal reaches the grid alone, which passes it on."""
 
     def __init__(self, command: Sequence[str], log: Path, folder: Path | None = None) -> None:
@@ -99,11 +99,9 @@ class LocalJob:
             )
 
     def poll(self) -> int | None:
-        """Exit code, or None."""
         return self._process.poll()
 
     def signal(self, number: int) -> None:
-        """Pass a signal on."""
         self._process.send_signal(number)
 
     def kill(self) -> None:
@@ -113,7 +111,7 @@ class LocalJob:
             self._process.wait()
 
 
-class LocalLauncher:
+class LocalLauncher(Launcher):
     """Starts processes, as many at a time as there are jobs."""
 
     def __init__(self, jobs: int, program: Sequence[str] = PROGRAM) -> None:
@@ -125,15 +123,10 @@ class LocalLauncher:
         self._jobs, self._program = jobs, program
 
     def slots(self) -> int:
-        """Processes at a time."""
         return self._jobs
 
     def start(self, arguments: Sequence[str], log: Path) -> LocalJob:
-        """Start a process."""
         return LocalJob([sys.executable, *self._program, "train", *arguments], log)
-
-    def close(self) -> None:
-        """Does nothing."""
 
 
 def physical_cores() -> int:

@@ -2,12 +2,11 @@
 
 import fcntl
 import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from curiobench.files import read_json, write_json
+from curiobench.files import read_json, write_json, writing_to
 from curiobench.grid.cells import Cell
 from curiobench.results.folders import GRID_FORMAT
 
@@ -24,9 +23,10 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
 
     Raises ValueError where the file is no grid's or the folder cannot be written; one line.
     """
-    try:
+    with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
-        with _locked(out / ".grid.lock"):
+        with open(out / ".grid.lock", "a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
             record = read_record(out)
             entries = {entry["folder"]: entry for entry in record["cells"]}
             for cell in cells:
@@ -35,8 +35,6 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
             this = shlex.join(command)
             commands = [*(known for known in record["commands"] if known != this), this]
             write_json(out / NAME, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
-    except OSError as error:
-        raise ValueError(f"cannot write to {out}: {error.strerror}") from None
 
 
 def read_record(out: Path) -> dict[str, Any]:
@@ -66,11 +64,3 @@ def _entry(cell: Cell) -> dict[str, Any]:
         "variant": cell.variant,
         "command": shlex.join(cell.command),
     }
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Wait for other grids that write the same record; the lock goes with the process."""
-    with open(path, "a") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

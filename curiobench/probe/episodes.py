@@ -1,4 +1,4 @@
-"""The episodes that probes are read along, and the reference transitions among which each of their steps is scored."""
+"""The scripted episodes of a probe, and the reference transitions among which each of their steps is scored."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Kind:
     """Whether its goal has a on b; else all blocks are apart."""
 
     def goal(self, space: GoalSpace) -> np.ndarray:
-        """The goal (bits,) that the script pursues: what a policy would be asked for."""
+        """The goal (bits,) that the script pursues."""
         bits = np.zeros(space.n_bits, np.float32)
         if self.stacks:
             bits[[space.pairs[0].close, space.pairs[0].on_ij]] = 1
@@ -77,7 +77,7 @@ class Played:
 def play_scripts(task: str, robot: str, starts: int, seed: int) -> list[Played]:
     """Episodes of each kind, from the same plain starts in both.
 
-    Raises ValueError where there is no start, or where physics diverged: what follows then is no script's doing.
+    Raises ValueError where there is no start, or where physics diverged.
     """
     if starts < 1:
         raise ValueError(f"starts is {starts}; it must be at least 1")

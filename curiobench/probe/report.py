@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from curiobench.files import writing_to
 from curiobench.learned_goals import align
 from curiobench.methods.intrinsic_value import MEMBERS
 from curiobench.methods.reward import Batch
@@ -56,15 +57,13 @@ def probe(
     pairs = list(zip(runs, _references(runs, seed, among), strict=True))
     readings = [[read(run, episodes, reference) for run, reference in pairs] for episodes in played]
     scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
-    try:
+    with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
         files = [
             _write(out / "scores.csv", [_score_row(*pair, among) for pair in zip(runs, scores, strict=True)]),
             _write(out / "numbers.csv", list(_number_rows(runs, readings, played))),
             *draw(runs, readings, played, seed, out, among),
         ]
-    except OSError as error:
-        raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
     return format_scores(runs, scores), notes, files
 
 

@@ -1,4 +1,4 @@
-"""What curiosity thinks of scripted episodes: intrinsic reward and Q_int along them, and a controllability score.
+"""Intrinsic reward and Q_int along scripted episodes, and a controllability score.
 
 The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
 """
@@ -45,7 +45,7 @@ class ProbedRun(SavedRun):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a run says of N episodes of T steps of one kind; all (N, T)."""
+    """Rewards and values of N episodes of T steps of one kind; all (N, T)."""
 
     raw: np.ndarray
     """r_int."""
@@ -130,15 +130,15 @@ def others(run: ProbedRun) -> int:
 
 @torch.no_grad()
 def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
-    """What a run says of scripted episodes.
+    """Intrinsic rewards and Q_int of scripted episodes.
 
     Args:
-        run: whose agent is asked.
+        run: has the agent.
         played: N episodes.
         reference: at least `others(run)` transitions and, unless it holds particles, `run.agent.n_particles`.
 
     Raises:
-        ValueError: the method raised or gave a reward that is none; names the method and its file.
+        ValueError: the method raised, or its reward is faulty; names the method and its file.
     """
     probed = transitions(played.episodes)
     shape = played.episodes.action.shape[:2]

@@ -1,7 +1,6 @@
-"""What happens in a scripted episode: which steps lift a block in the hand, which let it fall, and the key moments.
+"""Events in a scripted episode: the steps that lift a block in the hand, the steps in which it falls, key moments.
 
-Definitions are about what the block does, never about what the script meant, so that an episode in which the grip slips
-is counted as what it was. Step t leads from state t to state t + 1.
+The definitions look at the block, not at the script. An episode in which the grip slips counts as what happened. Step t leads from state t to state t + 1.
 """
 
 from dataclasses import dataclass
