@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
     from curiobench.config import RunConfig
-    from curiobench.learned_goals import Layers
+    from curiobench.evaluation import Layers
     from curiobench.state import Counters
 
 
@@ -88,6 +88,17 @@ def duration(seconds: float | None) -> str:
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{seconds:02}"
+
+
+def align(lines: Sequence[Sequence[str]], left: int) -> str:
+    """Columns side by side, the first `left` of them flush left."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if i < left else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    )
 
 
 def check_tensorboard() -> None:

@@ -4,12 +4,13 @@ The starts come from a seed of the protocol. They depend on the task and the num
 its seed or its progress: every method is tested on the same starts, every time, and training never notices.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from curiobench.learned_goals import Layers, learned_by_layer
+from curiobench.display import align
 from curiobench.methods.sac import SAC
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import play, policy, successes
@@ -19,6 +20,9 @@ from curiobench.tasks.registration import n_blocks_of
 
 MAX_WORLDS = 256
 """Test episodes stepped together; part of the protocol, as it decides which start each of them gets."""
+
+Layers = dict[int, tuple[int, int]]
+"""Learned goals and all goals, by layer."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +110,46 @@ class Evaluator:
         played = play(worlds, seen, policy(agent, deterministic=True))
         _, satisfied = successes(played.episodes)
         return ((played.reward > 0) & played.intact)[:n], satisfied[:n]
+
+
+def last_evaluation(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows of the last evaluation, one a goal; raises ValueError where there is none."""
+    if not rows:
+        raise ValueError("there is no evaluation yet")
+    return [row for row in rows if row["epoch"] == rows[-1]["epoch"]]
+
+
+def learned_by_layer(evaluation: Sequence[Mapping[str, Any]]) -> Layers:
+    """Learned goals and all goals of each layer, from one evaluation's rows."""
+    layers: Layers = {}
+    for row in evaluation:
+        learned, goals = layers.get(int(row["layer"]), (0, 0))
+        layers[int(row["layer"])] = (learned + int(row["learned"]), goals + 1)
+    return layers
+
+
+def format_layers(layers: Layers) -> str:
+    """Learned goals of each layer and in total."""
+    lines = [[str(layer), *map(str, counts)] for layer, counts in layers.items()]
+    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
+
+
+def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
+    """Success of every goal, and of those of its episodes that did not start with the goal satisfied."""
+    lines = [
+        [
+            row["goal"],
+            row["bits"],
+            str(row["layer"]),
+            format(row["success"], ".2f"),
+            "" if row["success_unsatisfied"] is None else format(row["success_unsatisfied"], ".2f"),
+            "yes" if row["learned"] else "no",
+        ]
+        for row in evaluation
+    ]
+    return align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
+
+
+def _total(layers: Layers) -> tuple[int, int]:
+    learned, goals = zip(*layers.values(), strict=True)
+    return sum(learned), sum(goals)

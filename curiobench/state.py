@@ -17,9 +17,8 @@ import torch
 
 from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA, Situation
-from curiobench.evaluation import Evaluation
+from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
 from curiobench.files import now
-from curiobench.learned_goals import last_evaluation, learned_by_layer
 from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch

@@ -10,8 +10,7 @@ from curiobench import checkpoint
 from curiobench.config import RunConfig
 from curiobench.display import Display, check_tensorboard, draw_learning_curve
 from curiobench.errors import Interrupted, RunFailed, StopRequest
-from curiobench.evaluation import Evaluation, Evaluator
-from curiobench.learned_goals import format_layers, last_evaluation, learned_by_layer
+from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import RunFolder, read_record, read_rows, versions
 from curiobench.state import TrainingState, check_device, progress_row, result

@@ -47,8 +47,7 @@ def grid(arguments: GridArguments) -> None:
 
 def evaluate(arguments: EvaluateArguments) -> None:
     """Test a run's agent and print its learned goals."""
-    from curiobench.evaluation import Evaluator
-    from curiobench.learned_goals import format_goals, format_layers
+    from curiobench.evaluation import Evaluator, format_goals, format_layers
     from curiobench.saved_agent import load_agent
 
     config, agent = load_agent(arguments.run, {arguments.method})

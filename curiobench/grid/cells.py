@@ -1,23 +1,29 @@
-"""The cells of a grid: what each trains, by which command, in which folder."""
+"""The cells of a grid: what each trains, by which command, in which folder. grid.json lists them for tables."""
 
+import fcntl
 import re
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 from curiobench.cli.train_arguments import parse_train
 from curiobench.config import RunConfig
+from curiobench.files import read_json, write_json, writing_to
 from curiobench.grid.definition import Grid, Options, Scalar
 from curiobench.methods.specs import shown
 from curiobench.options import flatten
 from curiobench.presets import PRESETS
+from curiobench.results.folders import GRID_FORMAT
 from curiobench.tasks.registration import check_name
 
 _OWN = ("task", "method", "seed")
 """Options that are axes of the grid."""
 _AXES_OF_ALL = ("preset", "robot")
 """Options with separate keys in the grid; variants may still change them."""
+NAME = "grid.json"
 _METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
 
 
@@ -117,3 +123,56 @@ def _flags(name: str, value: Scalar) -> list[str]:
         return [f"--{path}{dot}{'' if value else 'no-'}{last}"]
     text = str(value)
     return [f"--{name}={text}"] if text.startswith("-") else [f"--{name}", text]
+
+
+def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> None:
+    """Add cells to the folder's grid.json, which is created with the folder if there is none.
+
+    Args:
+        out: folder of the grid.
+        cells: to add; one that has begun already keeps the command that began it.
+        command: the command line of the grid, for the record.
+
+    Raises ValueError where the file is no grid's or the folder cannot be written; one line.
+    """
+    with writing_to(out):
+        out.mkdir(parents=True, exist_ok=True)
+        with open(out / ".grid.lock", "a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
+            record = read_record(out)
+            entries = {entry["folder"]: entry for entry in record["cells"]}
+            for cell in cells:
+                if cell.folder not in entries or not (cell.path / "config.json").exists():
+                    entries[cell.folder] = _entry(cell)
+            this = shlex.join(command)
+            commands = [*(known for known in record["commands"] if known != this), this]
+            write_json(out / NAME, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
+
+
+def read_record(out: Path) -> dict[str, Any]:
+    """What grid.json holds, an empty grid where there is none; raises ValueError where it is something else."""
+    path = out / NAME
+    if not path.exists():
+        return {"format": GRID_FORMAT, "commands": [], "cells": []}
+    record = read_json(path)
+    if record.get("format") != GRID_FORMAT:
+        raise ValueError(f"{path} is not a grid's: its format is {record.get('format')!r}")
+    cells, commands = record.get("cells"), record.get("commands")
+    if not isinstance(commands, list) or not isinstance(cells, list) or not all(map(_is_entry, cells)):
+        raise ValueError(f"{path} is damaged: it has no list of cells with folders")
+    return record
+
+
+def _is_entry(value: Any) -> bool:
+    return isinstance(value, dict) and isinstance(value.get("folder"), str)
+
+
+def _entry(cell: Cell) -> dict[str, Any]:
+    return {
+        "folder": cell.folder,
+        "task": cell.config.task,
+        "method": cell.method,
+        "seed": cell.config.seed,
+        "variant": cell.variant,
+        "command": shlex.join(cell.command),
+    }

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest
-from curiobench.grid.cells import Cell, cells_of
+from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, look
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
 from curiobench.grid.overview import View, summary, view
-from curiobench.grid.record import write_record
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.status import Status
 

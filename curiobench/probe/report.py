@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from curiobench.display import align
 from curiobench.files import writing_to
-from curiobench.learned_goals import align
 from curiobench.methods.intrinsic_value import MEMBERS
 from curiobench.methods.reward import Batch
 from curiobench.methods.specs import shown

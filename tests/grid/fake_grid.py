@@ -7,11 +7,10 @@ from pathlib import Path
 
 from curiobench.cli.arguments import GridArguments, parse
 from curiobench.errors import Interrupted, RunFailed, StopRequest
-from curiobench.grid.cells import Cell, cells_of
+from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.launcher import LocalLauncher
 from curiobench.grid.overview import PlainView, View
-from curiobench.grid.record import write_record
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
 from curiobench.run_folder import FORMAT

@@ -10,9 +10,8 @@ from fake_grid import make_cells
 
 from curiobench.cli.arguments import GridArguments, parse
 from curiobench.cli.train_arguments import parse_train
-from curiobench.grid.cells import cells_of, folder_name
+from curiobench.grid.cells import NAME, cells_of, folder_name, read_record, write_record
 from curiobench.grid.definition import Grid, define, read_definition
-from curiobench.grid.record import NAME, read_record, write_record
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "ablation.yaml"
 

@@ -1,11 +1,18 @@
-"""Evaluation: the same starts for everyone, success at the last step, nothing of training touched."""
+"""Evaluation: the same starts for everyone, success at the last step, nothing of training touched, goals counted."""
 
 import numpy as np
 import pytest
 from tiny_runs import TINY, same_state
 
 from curiobench import evaluation
-from curiobench.evaluation import Evaluation, Evaluator
+from curiobench.evaluation import (
+    Evaluation,
+    Evaluator,
+    format_goals,
+    format_layers,
+    last_evaluation,
+    learned_by_layer,
+)
 from curiobench.state import TrainingState
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import goal_space
@@ -97,3 +104,23 @@ def test_rows_and_layers():
 def test_refuses_no_episodes():
     with pytest.raises(ValueError, match="episodes per goal is 0"):
         Evaluator("stack2", "gripper", 0)
+
+
+def rows_of(epoch, *learned):
+    return [{"epoch": epoch, "layer": 1 + g // 2, "learned": bit, "goal": f"g{g}"} for g, bit in enumerate(learned)]
+
+
+def test_the_last_evaluation_is_counted_by_layer():
+    last = last_evaluation(rows_of(0, 0, 0, 0, 0) + rows_of(2, 1, 1, 0, 1))
+    assert [row["epoch"] for row in last] == [2] * 4
+    assert learned_by_layer(last) == {1: (2, 2), 2: (1, 2)}
+    with pytest.raises(ValueError, match="there is no evaluation yet"):
+        last_evaluation([])
+
+
+def test_layers_and_goals_as_text():
+    assert format_layers({1: (2, 8), 2: (10, 21)}) == (
+        "layer  learned  goals\n1            2      8\n2           10     21\ntotal       12     29"
+    )
+    row = {"goal": "a on b", "bits": "110", "layer": 2, "success": 0.5, "success_unsatisfied": None, "learned": 0}
+    assert format_goals([row]).splitlines()[1].split() == ["a", "on", "b", "110", "2", "0.50", "no"]

@@ -13,9 +13,8 @@ from tiny_runs import TINY, numbers
 from curiobench import checkpoint
 from curiobench.config import MachineConfig
 from curiobench.errors import Interrupted, RunFailed
-from curiobench.evaluation import Evaluator
+from curiobench.evaluation import Evaluator, last_evaluation
 from curiobench.files import read_json, write_json
-from curiobench.learned_goals import last_evaluation
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import RunFolder, read_rows
 from curiobench.saved_agent import load_agent
