@@ -11,6 +11,8 @@ from typing import Annotated, Literal, TypeVar
 
 import tyro
 
+from curiobench.probe import Among
+
 Arguments = TypeVar("Arguments")
 
 
@@ -202,7 +204,7 @@ class ProbeArguments:
     """Plain starts from which each script is played."""
     seed: int = 0
     """Seed of the starts and of the reference play."""
-    among: Literal["random", "replay"] = "random"
+    among: Among = "random"
     """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
     training (only while it lasts: see --machine.keep-replay)."""
     as_of_epoch: int | None = None

@@ -9,8 +9,9 @@ import numpy as np
 
 from curiobench.canvas import new_figure, save
 from curiobench.palette import line_style
+from curiobench.probe import Among
 from curiobench.probe.episodes import Played
-from curiobench.probe.scores import Among, ProbedRun, Reading, others
+from curiobench.probe.scores import ProbedRun, Reading, others
 from curiobench.probe.steps import falling, lifting
 from curiobench.tasks.rendering import WorldRenderer
 

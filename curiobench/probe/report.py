@@ -10,10 +10,10 @@ from curiobench.files import writing_to
 from curiobench.methods.intrinsic_value import MEMBERS
 from curiobench.methods.reward import Batch
 from curiobench.methods.specs import shown
+from curiobench.probe import Among
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
 from curiobench.probe.scores import (
-    Among,
     ProbedRun,
     Reading,
     Score,
@@ -43,14 +43,12 @@ def probe(
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
         as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
-        among: what a probed transition is scored among: random play, the same for all, or each run's own replay.
+        among: what a probed transition is scored among.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
 
-    Raises:
-        ValueError: runs that cannot be read or compared, that have no replay to be scored among, or a folder that
-            cannot be written.
+    Raises ValueError where runs cannot be read or compared, or have no replay, or the folder cannot be written.
     """
     runs, notes = open_runs(paths, trusted, as_of_epoch)
     played = play_scripts(runs[0].config.task, runs[0].config.robot, starts, seed)

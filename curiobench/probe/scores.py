@@ -6,7 +6,6 @@ The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is meas
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -25,8 +24,6 @@ from curiobench.probe.episodes import Played, transitions
 from curiobench.probe.steps import falling, lifting
 from curiobench.saved_agent import SavedRun, load_saved
 
-Among = Literal["random", "replay"]
-"""What a transition is scored among: random play, the same for all runs, or the run's own replay."""
 LARGEST_BATCH = 512
 """Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
 RESAMPLES = 10_000

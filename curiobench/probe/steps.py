@@ -37,11 +37,11 @@ class Track:
     """(…, T + 1) mean finger position in metres; larger is wider."""
 
     @classmethod
-    def of(cls, observation: np.ndarray, block: int = 0) -> Self:
-        """The track of a block in observations (…, T + 1, D)."""
+    def of(cls, observation: np.ndarray) -> Self:
+        """The track of block a in observations (…, T + 1, D)."""
         view = View(observation.reshape(-1, observation.shape[-1]).astype(np.float64))
         lead = observation.shape[:-1]
-        return cls(*(a.reshape(*lead, 3) for a in (view.block(block), view.grip)), view.fingers.mean(1).reshape(lead))
+        return cls(*(a.reshape(*lead, 3) for a in (view.block(0), view.grip)), view.fingers.mean(1).reshape(lead))
 
     def __getitem__(self, episode: int) -> "Track":
         return Track(self.block[episode], self.grip[episode], self.opening[episode])
