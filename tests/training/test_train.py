@@ -12,7 +12,7 @@ from tiny_runs import TINY, numbers
 
 from curiobench import checkpoint
 from curiobench.config import MachineConfig
-from curiobench.errors import Interrupted, RunFailed
+from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluator, last_evaluation
 from curiobench.files import read_json, write_json
 from curiobench.replay import EpisodeReplay
@@ -97,6 +97,18 @@ def test_stops_at_a_signal_within_an_epoch(finished, tmp_path, monkeypatch, numb
     assert stopped.value.signal_number == number
     train(TINY, tmp_path / "run", resume=True)
     assert numbers(tmp_path / "run") == numbers(finished)
+
+
+def test_a_second_signal_stops_at_once_or_is_counted():
+    with StopRequest(once=True) as stop:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert (stop.count, stop.number) == (1, signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    with StopRequest() as stop:
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGINT)
+    assert (stop.count, stop.number) == (2, signal.SIGTERM)
 
 
 def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, monkeypatch):
