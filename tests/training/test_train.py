@@ -101,13 +101,13 @@ def test_stops_at_a_signal_within_an_epoch(finished, tmp_path, monkeypatch, numb
 
 def test_a_second_signal_stops_at_once_or_is_counted():
     with StopRequest(once=True) as stop:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         assert (stop.count, stop.number) == (1, signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
     with StopRequest() as stop:
-        os.kill(os.getpid(), signal.SIGTERM)
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
     assert (stop.count, stop.number) == (2, signal.SIGTERM)
 
 
