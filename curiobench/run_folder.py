@@ -8,9 +8,10 @@ import platform
 import subprocess
 import time
 from collections.abc import Container, Sequence
+from contextlib import AbstractContextManager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
 from curiobench.files import now, read_json, write_json, writing_to
@@ -18,7 +19,9 @@ from curiobench.protocol import EVALUATION_SEED
 from curiobench.tasks.registration import TASK_VERSION
 
 FORMAT = "curiobench run"
-REPLAY = Path("checkpoint", "replay")
+CHECKPOINT = Path("checkpoint")
+"""Folder of the checkpoints, within the run's."""
+REPLAY = CHECKPOINT / "replay"
 """Folder of the episodes that the checkpoints refer to, within the run's."""
 _LOCK = ".lock"
 _BEFORE_CONFIG = {_LOCK, "config.json.partial"}
@@ -30,7 +33,7 @@ PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own."""
 
 
-class RunFolder:
+class RunFolder(AbstractContextManager):
     """A run folder opened for training, locked against a second process; close it, or use it in a with statement."""
 
     def __init__(self, path: Path, config: RunConfig, resume: bool, command: Sequence[str] = ()) -> None:
@@ -58,7 +61,7 @@ class RunFolder:
     @property
     def checkpoint(self) -> Path:
         """Folder of the checkpoints."""
-        return self.path / "checkpoint"
+        return self.path / CHECKPOINT
 
     @property
     def replay(self) -> Path:
@@ -158,9 +161,8 @@ class RunFolder:
 
         Raises ValueError where a file is shorter than it was at the checkpoint.
         """
-        for name in CSV_FILES:
+        for name, found in self.csv_sizes().items():
             path = self.path / name
-            found = path.stat().st_size if path.exists() else 0
             if found < sizes[name]:
                 raise ValueError(f"{path} has {found} bytes, fewer than the {sizes[name]} it had at the checkpoint")
             if found > sizes[name]:
@@ -173,9 +175,6 @@ class RunFolder:
     def close(self) -> None:
         """Release the lock."""
         self._lock.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()

@@ -11,7 +11,7 @@ from curiobench.config import RunConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.sac import SAC
 from curiobench.replay import EpisodeReplay
-from curiobench.run_folder import REPLAY, read_config
+from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
 from curiobench.state import build_agent, build_replay
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
@@ -62,7 +62,7 @@ def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     """
     config = read_config(path, trusted)
     tune_process(config.torch_threads)
-    folder = path / "checkpoint"
+    folder = path / CHECKPOINT
     saved = checkpoint.load(folder, config.fingerprint())
     if saved is None:
         raise ValueError(f"{path} has no checkpoint yet")

@@ -12,7 +12,7 @@ from curiobench.display import Display, check_tensorboard, draw_learning_curve
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.process import tune_process
-from curiobench.run_folder import RunFolder, read_record, read_rows, versions
+from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows, versions
 from curiobench.state import TrainingState, check_device, progress_row, result
 
 
@@ -157,7 +157,7 @@ def _changed_versions(path: Path, method: str) -> str:
 
 def _kept(out: Path) -> str:
     """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
-    kept = "; the last checkpoint is kept" if (out / "checkpoint").exists() else ""
+    kept = "; the last checkpoint is kept" if (out / CHECKPOINT).exists() else ""
     with suppress(OSError):
         (out / "error.log").write_text(traceback.format_exc())
         return f"{kept}; details in {out / 'error.log'}"

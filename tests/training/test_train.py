@@ -99,16 +99,21 @@ def test_stops_at_a_signal_within_an_epoch(finished, tmp_path, monkeypatch, numb
     assert numbers(tmp_path / "run") == numbers(finished)
 
 
-def test_a_second_signal_stops_at_once_or_is_counted():
-    with StopRequest(once=True) as stop:
-        signal.raise_signal(signal.SIGINT)
-        assert (stop.count, stop.number) == (1, signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
+def test_a_second_signal_does_what_it_did_before_or_is_counted():
+    reached = []
+    before = signal.signal(signal.SIGINT, lambda *_: reached.append("the former handler"))
+    try:
+        with StopRequest(once=True) as stop:
             signal.raise_signal(signal.SIGINT)
-    with StopRequest() as stop:
-        signal.raise_signal(signal.SIGTERM)
-        signal.raise_signal(signal.SIGINT)
-    assert (stop.count, stop.number) == (2, signal.SIGTERM)
+            assert (stop.count, stop.number, reached) == (1, signal.SIGINT, [])
+            signal.raise_signal(signal.SIGINT)
+            assert (stop.count, reached) == (1, ["the former handler"])
+        with StopRequest() as stop:
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGINT)
+        assert (stop.count, stop.number, len(reached)) == (2, signal.SIGTERM, 1)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, monkeypatch):
