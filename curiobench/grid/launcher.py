@@ -12,7 +12,7 @@ from typing import BinaryIO, Protocol
 from curiobench.files import now
 
 PROGRAM = ("-m", "curiobench")
-"""Arguments of Python before `train` and its own."""
+"""What Python runs, before `train` and its arguments."""
 
 ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
