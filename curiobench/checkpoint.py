@@ -1,7 +1,7 @@
 """Checkpoints: plain JSON, and tensors that load with `weights_only=True`. Nothing in them can run code.
 
 A checkpoint number N is two files. `agent-N.pt` comes first; `checkpoint-N.json`, which holds its digest and everything
-else, makes it count. Both are whole or absent. The checkpoint before it is kept, with the replay it refers to.
+else, makes it valid. Both are written atomically. The checkpoint before it is kept, with the replay it refers to.
 """
 
 import hashlib
@@ -95,8 +95,8 @@ def errors_named(folder: Path) -> Iterator[None]:
     try:
         yield
     except _FAULTS as error:
-        told = isinstance(error, ValueError | MethodError)
-        first_line = error if told else f"{type(error).__name__} {error}".splitlines()[0]
+        readable = isinstance(error, ValueError | MethodError)
+        first_line = error if readable else f"{type(error).__name__} {error}".splitlines()[0]
         *before, newest = sorted(_numbers(folder))
         # where it is the method that raises, the file is as it was written
         go_back = before and not isinstance(error, MethodError)

@@ -1,22 +1,21 @@
-"""What decides a run: `RunConfig`, the presets, and their JSON form.
+"""`RunConfig`, which decides every number of a run, and its JSON form.
 
-The docstrings of the fields are the command line's help; every field can be overridden there. Nothing but a `RunConfig`
-decides the numbers of a run, `machine` apart, which changes none.
+The docstrings of the fields are the command line's help. Every field can be set there.
 """
 
 import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
+from curiobench.curriculum import CurriculumName
 from curiobench.methods.settings import HybridConfig, SACConfig, check_option
-from curiobench.methods.specs import canonical, split
+from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
@@ -24,32 +23,19 @@ if TYPE_CHECKING:
     from curiobench.methods.registry import MethodSpec
 
 CONFIG_VERSION = 1
-"""Raised whenever a field is removed or changes its meaning, or a new field's default changes what old runs were."""
+"""Incremented when a field is removed or changes its meaning, or when a new field's default differs from old runs."""
 
 PAPER_EPOCHS = 500
 """Epochs of the paper's runs, in which it gives its schedules."""
 
 LARGEST_SEED = (1 << 31) - 1
-"""Seeds, and epochs, are 32-bit numbers in what runs are read into."""
+"""Tables hold seeds and epochs as 32-bit numbers."""
+
+PRESET_NAMES = ("paper", "laptop", "short", "smoke")
+"""Names of the presets; `curiobench.presets` has their configs."""
 
 Starts = Literal["biased", "plain"]
 """Where training episodes start."""
-
-CurriculumName = Literal["reached", "valid", "near"]
-"""Keys of `curriculum.CURRICULA`."""
-
-_ADDED_LATER = frozenset(
-    (
-        "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
-        "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
-        "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
-        "schedule_epochs", "hybrid.adaptive_tau", "hybrid.spread_ratio", "hybrid.tau_rate",
-    )
-)  # fmt: skip
-"""Fields that configs of older runs lack; their defaults are what those runs were."""
-
-_SEES_ADDED_LATER = ("rnd", "re3", "mi")
-"""Methods whose settings of older runs lack `sees`, which then was "full"."""
 
 
 def _check_at_least(config: Any, least: int, *names: str) -> None:
@@ -160,7 +146,7 @@ class RunConfig:
             raise ValueError(f"device is {self.device!r}; legal are cpu, cuda and cuda:N")
 
     def _check_method(self) -> None:
-        """Bring the spec to its one form, and see that the settings are the method's."""
+        """Make the spec canonical, and check that the settings are the method's."""
         if self.method == "sac" and self.method_config is None:
             return  # spares the presets, and with them `--help`, the second that torch takes to load
         spec = _parse_spec(self.method)
@@ -194,11 +180,10 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = _build(cls, values, "")
+        config = build(cls, values)
         if settings is None:
             return config
-        settings = _with_later_settings(config.method, settings)
-        return replace(config, method_config=_settings(config.method, settings))
+        return replace(config, method_config=_settings(config.method, with_later_settings(config.method, settings)))
 
     def decisive(self) -> dict[str, Any]:
         """The part of `to_json` that decides the numbers: all but the machine's."""
@@ -213,118 +198,9 @@ class RunConfig:
         deciding = {
             name: value
             for name, value in flatten(self.decisive()).items()
-            if name != "epochs" and not (_added_later(name) and value == defaults.get(name))
+            if name != "epochs" and not (added_later(name) and value == defaults.get(name))
         }
         return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
-
-
-PRESET_NAMES = ("paper", "laptop", "short", "smoke")
-
-# found by experiment: docs/presets.md
-_LAPTOP = RunConfig(
-    preset="laptop",
-    epochs=56,
-    cycles=20,
-    worlds=64,
-    rollouts=1,
-    updates=240,
-    batch_size=256,
-    biased_from_epoch=0,
-    curriculum="near",
-    schedule_epochs=56,
-    evaluate_every=4,
-    replay=ReplayConfig(relabelling="arrivals", pursued_share=0.25, satisfied_cap=0.2),
-    hybrid=HybridConfig(popart_rate=3e-3),
-    sac=SACConfig(
-        gamma=0.95,
-        decay_updates=56 * 20 * 240,
-        temperature=0.02,
-        entropy_in_targets=False,
-        reward_window=1_000,
-        actor_every=2,
-        network="pair_attention",
-        hidden=64,
-        pairs="roles",
-        features="near_field",
-        detail_scale=0.1,
-    ),
-)
-
-PRESETS = MappingProxyType(
-    {
-        # 40 M steps. DECSTR sums the gradients of 16 workers with a batch of 256 each; Adam does not see the factor
-        # between that sum and the mean over one batch of 16 × 256
-        "paper": RunConfig(preset="paper", worlds=16, rollouts=2, updates=30, batch_size=16 * 256),
-        "laptop": _LAPTOP,
-        # the agent that results/v1 was made with
-        "short": RunConfig(
-            preset="short",
-            epochs=20,
-            cycles=40,
-            worlds=64,
-            rollouts=1,
-            updates=60,
-            batch_size=512,
-            biased_from_epoch=0,
-            evaluate_every=1,
-            replay=ReplayConfig(satisfied_cap=0.3),
-            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
-        ),
-        "smoke": replace(
-            _LAPTOP,
-            preset="smoke",
-            epochs=5,
-            cycles=8,
-            worlds=32,
-            updates=20,
-            schedule_epochs=5,
-            evaluate_every=1,
-            episodes_per_goal=10,
-            replay=replace(_LAPTOP.replay, capacity=2_000),
-        ),
-    }
-)
-"""Configs by name; task, method, seed and robot are each run's own. `preset` gives the one of a task."""
-
-_BY_TASK = MappingProxyType(
-    {
-        ("laptop", "stack2"): {
-            "epochs": 6,
-            "cycles": 40,
-            "updates": 60,
-            "batch_size": 1024,
-            "schedule_epochs": 6,
-            "evaluate_every": 1,
-            "replay": replace(_LAPTOP.replay, pursued_share=0.0),
-            "sac": replace(_LAPTOP.sac, decay_updates=14_400),
-        }
-    }
-)
-"""Fields of a preset that are others for a task."""
-
-PRESET_LINES = MappingProxyType(
-    {
-        "paper": "the paper's full scale: 500 epochs, 40 M steps; weeks on one core",
-        "laptop": "what plain SAC needs on one core: minutes for stack2, an hour for stack3",
-        "short": "the former agent, which results/v1 was made with: 20 epochs",
-        "smoke": "a minute: shows that everything works, learns next to nothing",
-    }
-)
-"""One line on each preset."""
-
-
-def preset(name: str, task: str) -> RunConfig:
-    """The config of a preset for a task. Raises ValueError where one of them is unknown."""
-    check_name("preset", name, PRESET_NAMES)
-    return replace(PRESETS[name], task=task, **_BY_TASK.get((name, task), {}))
-
-
-def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
-    """Nested options by dotted name."""
-    flat = {}
-    for name, value in options.items():
-        flat |= flatten(value, f"{path}{name}.") if isinstance(value, dict) else {path + name: value}
-    return flat
 
 
 @cache
@@ -333,28 +209,16 @@ def _defaults() -> Mapping[str, Any]:
     return RunConfig().to_json()
 
 
-def _added_later(name: str) -> bool:
-    """Whether a field, by dotted name, or the group that it is in, was added later."""
-    return name in _ADDED_LATER or name.partition(".")[0] in _ADDED_LATER
-
-
 def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
     """Plain options of a run, with the fields that it lacks because it is older than they are."""
     defaults, filled = _defaults(), dict(options)
-    for name in _ADDED_LATER:
+    for name in ADDED_LATER:
         group, _, field_name = name.rpartition(".")
         if not group:
             filled.setdefault(name, defaults[name])
         elif isinstance(filled.get(group), dict):
             filled[group] = {field_name: defaults[group][field_name]} | filled[group]
-    return filled | {"method_config": _with_later_settings(filled.get("method"), filled["method_config"])}
-
-
-def _with_later_settings(method: Any, settings: Any) -> Any:
-    """Plain settings of a method, with `sees` where they are older than that."""
-    if isinstance(settings, dict) and isinstance(method, str) and split(canonical(method))[0] in _SEES_ADDED_LATER:
-        return {"sees": "full"} | settings
-    return settings
+    return filled | {"method_config": with_later_settings(filled.get("method"), filled["method_config"])}
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:
@@ -367,22 +231,12 @@ def differences(old: RunConfig, new: RunConfig) -> list[str]:
         old, new = (replace(config, method="sac", method_config=None) for config in (old, new))
     else:
         new = replace(new, method=old.method)
-    return found + _differences(old.decisive(), new.decisive())
+    return found + changes(old.decisive(), new.decisive())
 
 
 def obstacles(begun: RunConfig, wanted: RunConfig) -> list[str]:
     """`differences` that keep a run from going on under another config, which may have more epochs."""
     return differences(replace(begun, epochs=max(begun.epochs, wanted.epochs)), wanted)
-
-
-def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> list[str]:
-    found = []
-    for name, value in old.items():
-        if isinstance(value, dict):
-            found += _differences(value, new[name], f"{path}{name}.")
-        elif value != new[name]:
-            found.append(f"{path}{name} is {value!r}, not {new[name]!r}")
-    return found
 
 
 def _parse_spec(method: str) -> "MethodSpec":
@@ -396,31 +250,4 @@ def _settings(method: str, values: Any) -> Any:
     found = _parse_spec(method).method
     if found is None:
         raise ValueError(f"unknown config field method_config: {method} has no settings")
-    return _build(found.Config, values, "method_config.")
-
-
-def _build(cls: type, values: Any, path: str) -> Any:
-    """An instance of dataclass `cls` from plain values that name each of its fields once."""
-    if not isinstance(values, dict):
-        raise ValueError(f"config {path.rstrip('.') or 'file'} is {values!r}; expected an object with named fields")
-    names = {f.name for f in fields(cls)}
-    needed = {name for name in names if path + name not in _ADDED_LATER}
-    for found, kind in ((values.keys() - names, "unknown"), (needed - values.keys(), "missing")):
-        if found:
-            raise ValueError(f"{kind} config field {path}{min(found)}")
-    hints = get_type_hints(cls)
-    return cls(**{name: _value(hints[name], values[name], path + name) for name in values})
-
-
-def _value(hint: Any, value: Any, name: str) -> Any:
-    if is_dataclass(hint):
-        return _build(hint, value, f"{name}.")
-    options = get_args(hint) or (hint,)
-    if get_origin(hint) is Literal:
-        legal = isinstance(value, str) and value in options
-    else:
-        legal = type(value) in options or (float in options and type(value) is int)
-    if not legal:
-        names = " or ".join(o.__name__ if isinstance(o, type) else repr(o) for o in options)
-        raise ValueError(f"config field {name} is {value!r}; expected {names}")
-    return value
+    return build(found.Config, values, "method_config.")

@@ -8,6 +8,7 @@ A method may bring its own instead; see `curiobench/methods/curriculum.py`.
 """
 
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -58,6 +59,9 @@ CURRICULA: MappingProxyType[str, type[Curriculum]] = MappingProxyType(
     {"reached": Reached, "valid": Valid, "near": Near}
 )
 """By name."""
+
+CurriculumName = Literal[tuple(CURRICULA)]
+"""Names of curricula."""
 
 
 def _candidates(situation: Situation) -> np.ndarray:

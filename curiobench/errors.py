@@ -1,4 +1,8 @@
-"""How a run ends early, and how that is told."""
+"""How a run ends early: errors, and requests to stop."""
+
+import signal
+from types import FrameType
+from typing import Self
 
 
 class RunFailed(Exception):
@@ -6,7 +10,7 @@ class RunFailed(Exception):
 
 
 class CheckFailed(Exception):
-    """A curiosity method breaks a rule; one line, after the report."""
+    """A curiosity method or a submission breaks a rule; one line, after the report."""
 
 
 class Interrupted(Exception):
@@ -17,6 +21,34 @@ class Interrupted(Exception):
         self.signal_number = signal_number
 
 
+class StopRequest:
+    """Counts Ctrl-C and SIGTERM within a `with` block. They do not end the process.
+
+    Attributes:
+        count: signals so far.
+        number: the first of them; 0 where there is none.
+    """
+
+    def __init__(self, once: bool = False) -> None:
+        """With `once`, only the first of each signal is counted. The second ends the process as usual."""
+        self.count = self.number = 0
+        self._once = once
+
+    def __enter__(self) -> Self:
+        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.number = self.number or number
+        self.count += 1
+        if self._once:
+            signal.signal(number, self._before[number])
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
 def one_line(message: object) -> str:
-    """A message, which may hold text from files, as one line that a terminal shows and does not obey."""
+    """A message, which may hold text from files, as one line without control characters."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(message))

@@ -4,20 +4,25 @@ The starts come from a seed of the protocol. They depend on the task and the num
 its seed or its progress: every method is tested on the same starts, every time, and training never notices.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from curiobench.display import align
 from curiobench.methods.sac import SAC
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
-from curiobench.rollout import check_finite
+from curiobench.rollout import play, policy, successes
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace, goal_space
-from curiobench.tasks.registration import EPISODE_STEPS, n_blocks_of
+from curiobench.tasks.registration import n_blocks_of
 
 MAX_WORLDS = 256
 """Test episodes stepped together; part of the protocol, as it decides which start each of them gets."""
+
+Layers = dict[int, tuple[int, int]]
+"""Learned goals and all goals, by layer."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +46,9 @@ class Evaluation:
         """`(G,)` bool."""
         return self.success_rates > LEARNED_ABOVE
 
-    def learned_by_layer(self) -> dict[int, tuple[int, int]]:
+    def learned_by_layer(self) -> Layers:
         """Learned goals and all goals of each layer."""
-        layers = self.goal_space.layers
-        return {int(k): (int(self.learned[layers == k].sum()), int((layers == k).sum())) for k in np.unique(layers)}
+        return learned_by_layer(self.rows())
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a goal, as evaluations.csv has them; `success_unsatisfied` is None where every start satisfied it."""
@@ -96,18 +100,56 @@ class Evaluator:
     def _episodes(self, agent: SAC, goals: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Success and satisfied at start, `(K,)` bool each, of K ≤ N test episodes, the first of which has this number.
 
-        An episode whose physics diverged has failed: its world was reset half-way.
+        An episode whose physics diverged has failed.
         """
         worlds, n = self._worlds, len(goals)
         # a generator a batch: what happens in one batch must not move the starts of the next
         worlds.rng = np.random.default_rng([EVALUATION_SEED, first])
         spare = np.broadcast_to(goals[:1], (worlds.n_worlds - n, goals.shape[1]))
         seen = worlds.reset(biased=False, goals=np.concatenate([goals, spare]))
-        satisfied = worlds.compute_reward(seen.achieved_goal, seen.desired_goal) > 0
-        whole = np.ones(worlds.n_worlds, bool)
-        for step in range(EPISODE_STEPS):
-            check_finite(seen.observation, step)
-            action = agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic=True)
-            seen, reward = worlds.step(action)
-            whole &= ~worlds.diverged
-        return ((reward > 0) & whole)[:n], satisfied[:n]
+        played = play(worlds, seen, policy(agent, deterministic=True))
+        _, satisfied = successes(played.episodes)
+        return ((played.reward > 0) & played.intact)[:n], satisfied[:n]
+
+
+def last_evaluation(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows of the last evaluation, one a goal; raises ValueError where there is none."""
+    if not rows:
+        raise ValueError("there is no evaluation yet")
+    return [row for row in rows if row["epoch"] == rows[-1]["epoch"]]
+
+
+def learned_by_layer(evaluation: Sequence[Mapping[str, Any]]) -> Layers:
+    """Learned goals and all goals of each layer, from one evaluation's rows."""
+    layers: Layers = {}
+    for row in evaluation:
+        learned, goals = layers.get(int(row["layer"]), (0, 0))
+        layers[int(row["layer"])] = (learned + int(row["learned"]), goals + 1)
+    return layers
+
+
+def format_layers(layers: Layers) -> str:
+    """Learned goals of each layer and in total."""
+    lines = [[str(layer), *map(str, counts)] for layer, counts in layers.items()]
+    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
+
+
+def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
+    """Success of every goal, and of those of its episodes that did not start with the goal satisfied."""
+    lines = [
+        [
+            row["goal"],
+            row["bits"],
+            str(row["layer"]),
+            format(row["success"], ".2f"),
+            "" if row["success_unsatisfied"] is None else format(row["success_unsatisfied"], ".2f"),
+            "yes" if row["learned"] else "no",
+        ]
+        for row in evaluation
+    ]
+    return align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
+
+
+def _total(layers: Layers) -> tuple[int, int]:
+    learned, goals = zip(*layers.values(), strict=True)
+    return sum(learned), sum(goals)

@@ -1,14 +1,16 @@
-"""Files that are whole or absent, whatever happens while they are written."""
+"""Files written atomically: after a kill at any moment there is the old file or the new one."""
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
 
 def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file beside its place, then rename it: a kill or power cut at any moment leaves the old or the new one.
+    """Write a temporary file, then rename it: a kill or power cut at any moment leaves the old file or the new one.
 
     Raises OSError where there is no space or no right to write; the old file is kept and the attempt removed.
     """
@@ -32,6 +34,20 @@ def sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def writing_to(path: Path) -> Iterator[None]:
+    """Turn an OSError into a ValueError, one line, that names what could not be written."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"cannot write to {path}: {error.strerror or error}") from None
+
+
+def now() -> str:
+    """The time in UTC, to the second, as records hold it."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def write_json(path: Path, values: Any) -> None:

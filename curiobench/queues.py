@@ -1,4 +1,4 @@
-"""Numbers in groups, oldest first, of which many can be drawn at once."""
+"""Numbers in groups, oldest first, for vectorised random draws."""
 
 import numpy as np
 

@@ -10,7 +10,7 @@ arrivals    ours: half of a batch leads up to moments at which a goal was reache
 
 from collections.abc import Callable
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
     The goal of most transitions that `draw_future` gives either holds already or is never reached in the episode. Those
     of arrivals are still to be reached, and are. But goals drawn with hindsight alone show the agent hardly any
     failure: it thinks too well of actions that, say, push a block off the table. So there are steps of any episode too,
-    under the goal that it pursued. `satisfied_cap` holds for the batch as a whole.
+    under the goal that it pursued. `satisfied_cap` is a share of all of the batch.
     """
     config = replay.config
     occurring = np.flatnonzero(replay.arrivals.counts)
@@ -67,6 +67,9 @@ RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Ge
     {"future": draw_future, "arrivals": draw_arrivals}
 )
 """By name; each as `Relabelling.draw`."""
+
+RelabellingName = Literal[tuple(RELABELLINGS)]
+"""Names of relabellings."""
 
 
 def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:

@@ -1,4 +1,4 @@
-"""Replay of whole episodes, in numpy.
+"""Replay of episodes, in numpy.
 
 Nothing about goals or rewards is stored with a transition: goals are drawn (`relabelling.py`), and rewards recomputed,
 for every batch.
@@ -7,20 +7,16 @@ for every batch.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from curiobench.episode_files import EpisodeFiles
 from curiobench.methods.guard import transitions_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.settings import check_option
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, RELABELLINGS, arrival_kinds, scaled, weighted
+from curiobench.relabelling import KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
+from curiobench.replay_files import EpisodeFiles
 from curiobench.tasks.goals import GoalTable
-
-RelabellingName = Literal["future", "arrivals"]
-"""Keys of `relabelling.RELABELLINGS`."""
 
 ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
 """(achieved goals (B, bits), desired goals (B, bits), info) -> rewards (B,)."""
@@ -239,7 +235,7 @@ class EpisodeReplay:
         return self.arrays["observation"][slot, step]
 
     def save(self, folder: Path) -> str:
-        """Write the episodes added since the last save, then a manifest of the whole state; see `EpisodeFiles`.
+        """Write the episodes added since the last save, then a manifest of the state; see `EpisodeFiles`.
 
         Returns:
             The manifest's name, to be kept with the agent's checkpoint and given to `load`.

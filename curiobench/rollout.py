@@ -1,6 +1,7 @@
-"""Collecting episodes, in all worlds at once."""
+"""Episodes in all worlds at once. Training, evaluation, videos and probes share this loop."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,52 @@ if TYPE_CHECKING:
     from curiobench.tasks import BatchedStacking
     from curiobench.tasks.batch import Observation
 
+Act = Callable[["Observation"], np.ndarray]
+"""Chooses actions `(N, A)` in [-1, 1] for N observations."""
+
+
+class Rollout(NamedTuple):
+    """One episode in each of N worlds."""
+
+    episodes: Episodes
+    """N episodes."""
+    intact: np.ndarray
+    """`(N,)` bool. False where the physics diverged: that world was reset in mid-episode, which no action explains."""
+    reward: np.ndarray
+    """`(N,)` rewards of the last step."""
+
+
+def play(
+    worlds: "BatchedStacking", seen: "Observation", act: Act, watch: Callable[[], object] = lambda: None
+) -> Rollout:
+    """Play an episode in every world.
+
+    Args:
+        worlds: N worlds, just reset; left at the end of their episodes.
+        seen: their first observation.
+        act: called once a step, for all worlds together.
+        watch: called in each of the `EPISODE_STEPS` + 1 states, for pictures and positions.
+
+    Raises NonFiniteError where an observation is NaN or infinite; names the step, the world and the entry.
+    """
+    states, actions, intact, reward = [], [], np.ones(worlds.n_worlds, bool), None
+    for step in range(EPISODE_STEPS + 1):
+        if step > 0:
+            actions.append(act(seen))
+            seen, reward = worlds.step(actions[-1])
+            intact &= ~worlds.diverged
+        _check_finite(seen.observation, step)
+        states.append(seen)
+        watch()
+    observation = np.stack([state.observation for state in states], axis=1)
+    achieved = np.stack([state.achieved_goal for state in states], axis=1).astype(np.uint8)
+    return Rollout(Episodes(observation, achieved, np.stack(actions, axis=1), seen.desired_goal), intact, reward)
+
+
+def policy(agent: SAC, deterministic: bool = False) -> Act:
+    """The agent's policy, for `play`."""
+    return lambda seen: agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic)
+
 
 def collect(
     worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, tested: np.ndarray | None = None
@@ -19,42 +66,26 @@ def collect(
     """One episode in every world, by the agent's stochastic policy.
 
     Args:
-        worlds: N worlds, just reset; left at the end of their episodes.
-        agent: chooses actions; it is asked once a step, for all worlds together.
+        worlds: N worlds, just reset.
+        agent: chooses actions.
         goals: `(N, bits)` what each world's episode pursues.
         tested: `(N,)` bool, episodes in which the policy is deterministic instead.
 
     Returns:
-        N episodes, less those whose physics diverged: their world was reset half-way, which no action explains. And
-        `(N,)` bool, which ones there are.
+        The episodes, less those whose physics diverged, and `(N,)` bool, which ones they are.
 
-    Raises:
-        NonFiniteError: an observation is NaN or infinite; names the step, the world and the entry.
+    Raises NonFiniteError as `play`.
     """
-    seen = worlds.pursue(goals)
-    n, size, bits = *seen.observation.shape, goals.shape[1]
-    observation = np.empty((n, EPISODE_STEPS + 1, size), np.float32)
-    achieved = np.empty((n, EPISODE_STEPS + 1, bits), np.uint8)
-    actions = []
-    whole = np.ones(n, bool)
-    for step in range(EPISODE_STEPS + 1):
-        if step > 0:
-            actions.append(_act(agent, seen, tested))
-            seen, _ = worlds.step(actions[-1])
-            whole &= ~worlds.diverged
-        check_finite(seen.observation, step)
-        observation[:, step], achieved[:, step] = seen.observation, seen.achieved_goal
-    action = np.stack(actions, axis=1)
-    return Episodes(observation[whole], achieved[whole], action[whole], goals[whole]), whole
+    explore, test = policy(agent), policy(agent, deterministic=True)
 
+    def act(seen: "Observation") -> np.ndarray:
+        action = explore(seen)
+        if tested is not None and tested.any():
+            action[tested] = test(type(seen)(*(part[tested] for part in vars(seen).values())))
+        return action
 
-def _act(agent: SAC, seen: "Observation", tested: np.ndarray | None) -> np.ndarray:
-    """Actions `(N, A)`; the policy's mode where an episode is a test."""
-    action = agent.act(seen.observation, seen.achieved_goal, seen.desired_goal)
-    if tested is not None and tested.any():
-        parts = (part[tested] for part in (seen.observation, seen.achieved_goal, seen.desired_goal))
-        action[tested] = agent.act(*parts, deterministic=True)
-    return action
+    episodes, intact, _ = play(worlds, worlds.pursue(goals), act)
+    return Episodes(*(array[intact] for array in vars(episodes).values())), intact
 
 
 def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +94,7 @@ def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
     return holds[:, 1], holds[:, 0]
 
 
-def check_finite(observation: np.ndarray, step: int) -> None:
+def _check_finite(observation: np.ndarray, step: int) -> None:
     """Raises NonFiniteError where an observation `(N, D)` of a step holds NaN or infinity."""
     if not np.isfinite(observation).all():
         world, entry = np.argwhere(~np.isfinite(observation))[0]

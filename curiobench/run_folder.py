@@ -8,29 +8,32 @@ import platform
 import subprocess
 import time
 from collections.abc import Container, Sequence
-from datetime import UTC, datetime
+from contextlib import AbstractContextManager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
-from curiobench.files import read_json, write_json
+from curiobench.files import now, read_json, write_json, writing_to
 from curiobench.protocol import EVALUATION_SEED
 from curiobench.tasks.registration import TASK_VERSION
 
 FORMAT = "curiobench run"
-REPLAY = Path("checkpoint", "replay")
+CHECKPOINT = Path("checkpoint")
+"""Folder of the checkpoints, within the run's."""
+REPLAY = CHECKPOINT / "replay"
 """Folder of the episodes that the checkpoints refer to, within the run's."""
-_BEFORE_CONFIG = {".lock", "config.json.partial"}
-"""What a run that was killed before it had a config.json may leave behind."""
+_LOCK = ".lock"
+_BEFORE_CONFIG = {_LOCK, "config.json.partial"}
+"""Files that may exist before config.json, if the run was killed early."""
 _LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
-"""A grid that looks whether a run is under way holds its lock for an instant."""
+"""`is_locked` holds the lock for an instant."""
 CSV_FILES = ("progress.csv", "evaluations.csv")
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own."""
 
 
-class RunFolder:
+class RunFolder(AbstractContextManager):
     """A run folder opened for training, locked against a second process; close it, or use it in a with statement."""
 
     def __init__(self, path: Path, config: RunConfig, resume: bool, command: Sequence[str] = ()) -> None:
@@ -46,11 +49,9 @@ class RunFolder:
         """
         self.path, self.config = path, config
         self._longer: dict[str, Any] | None = None
-        try:
+        with writing_to(path):
             path.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(path / ".lock")
-        except OSError as error:
-            raise ValueError(f"cannot write to {path}: {error.strerror}") from None
+            self._lock = _lock(path / _LOCK)
         try:
             self._claim(resume, command)
         except BaseException:
@@ -60,7 +61,7 @@ class RunFolder:
     @property
     def checkpoint(self) -> Path:
         """Folder of the checkpoints."""
-        return self.path / "checkpoint"
+        return self.path / CHECKPOINT
 
     @property
     def replay(self) -> Path:
@@ -73,7 +74,7 @@ class RunFolder:
         return self.path / "replay"
 
     def _claim(self, resume: bool, command: Sequence[str]) -> None:
-        """Write config.json, or see that the one that is there allows this run."""
+        """Write config.json, or check that the existing one allows this run."""
         if (self.path / "config.json").exists():
             self._continue(resume, command)
         elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
@@ -82,7 +83,7 @@ class RunFolder:
             self._write_config(command)
 
     def _continue(self, resume: bool, command: Sequence[str]) -> None:
-        """See that the run that is there may go on; one that is to be longer stays as it is until `lengthen`."""
+        """Check that the run in the folder may continue. `lengthen` writes the record of one with more epochs."""
         finished = (self.path / "result.json").exists()
         if not resume and not finished:
             raise ValueError(f"{self.path} exists; use --resume to continue it")
@@ -96,7 +97,7 @@ class RunFolder:
             self._longer = self._longer_record(begun, finished, command)
 
     def _longer_record(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> dict[str, Any]:
-        """The record of the run with more epochs. It will end with the rows of one that had them from the start."""
+        """The record of the run with more epochs. Its rows will be those of a run that had them from the start."""
         if finished and not self.replay.is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
@@ -109,26 +110,24 @@ class RunFolder:
                 f"evaluate_every {begun.evaluate_every} is not"
             )
         record = read_record(self.path)
-        head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": _now()}
+        head = {"epochs": begun.epochs, "command": list(command), "versions": versions(begun.method), "at": now()}
         return record | {"config": self.config.to_json(), "lengthened": [*record.get("lengthened", []), head]}
 
     def lengthen(self) -> None:
-        """Write down that the run is longer now, if it is; to be called when all that it goes on from has been read."""
+        """Write the record of a run with more epochs, if it is one. To be called once the checkpoint has been read."""
         if self._longer is not None:
-            # in this order: a kill in between leaves a run that only has to be finished once more
+            # in this order: after a kill in between, the old run can be finished again
             (self.path / "result.json").unlink(missing_ok=True)
             self._write_record(self._longer)
 
     def _write_config(self, command: Sequence[str]) -> None:
         record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
-        record |= {"versions": versions(self.config.method), "command": list(command), "created": _now()}
+        record |= {"versions": versions(self.config.method), "command": list(command), "created": now()}
         self._write_record(record)
 
     def _write_record(self, record: dict[str, Any]) -> None:
-        try:
+        with writing_to(self.path):
             write_json(self.path / "config.json", record)
-        except OSError as error:
-            raise ValueError(f"cannot write to {self.path}: {error.strerror}") from None
 
     def append(self, name: str, rows: Sequence[dict[str, Any]]) -> None:
         """Add rows to a csv file, which gets the first row's names as its header. None becomes an empty field.
@@ -158,13 +157,12 @@ class RunFolder:
         return {name: path.stat().st_size if path.exists() else 0 for name, path in paths.items()}
 
     def truncate(self, sizes: dict[str, int]) -> None:
-        """Cut off rows written after a checkpoint, which are to come again.
+        """Cut off rows written after a checkpoint; the run writes them again.
 
         Raises ValueError where a file is shorter than it was at the checkpoint.
         """
-        for name in CSV_FILES:
+        for name, found in self.csv_sizes().items():
             path = self.path / name
-            found = path.stat().st_size if path.exists() else 0
             if found < sizes[name]:
                 raise ValueError(f"{path} has {found} bytes, fewer than the {sizes[name]} it had at the checkpoint")
             if found > sizes[name]:
@@ -175,22 +173,15 @@ class RunFolder:
         write_json(self.path / "result.json", result)
 
     def close(self) -> None:
-        """Let others use the folder."""
+        """Release the lock."""
         self._lock.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
 def _lock(path: Path) -> io.TextIOWrapper:
-    """An open, locked file. The lock goes with the process, however it ends: a stale one cannot be left behind."""
+    """An open, locked file. The lock ends with the process, however that ends."""
     file = open(path, "a+")  # noqa: SIM115 - stays open as long as the folder
     for attempt in range(_LOCK_ATTEMPTS):
         try:
@@ -208,6 +199,18 @@ def _lock(path: Path) -> io.TextIOWrapper:
     file.write(f"{os.getpid()}\n")
     file.flush()
     return file
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a process trains in a run folder."""
+    try:
+        with open(path / _LOCK) as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -232,8 +235,8 @@ def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
 
     Args:
         path: of the folder.
-        trusted: methods from outside, as `package.module:Class`, that may be imported: a config that somebody else
-            wrote must not decide which code runs here.
+        trusted: methods from outside, as `package.module:Class`, that may be imported. A config from
+            elsewhere must not decide which code runs here.
 
     Raises ValueError as `read_record`, where this version cannot read the config, and where its method is not trusted.
     """

@@ -1,4 +1,4 @@
-"""The agent and the replay of a run's newest checkpoint, for those who only want to look at them."""
+"""The agent and the replay of a run's newest checkpoint, read-only."""
 
 from collections.abc import Container
 from dataclasses import dataclass, replace
@@ -11,10 +11,10 @@ from curiobench.config import RunConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.sac import SAC
 from curiobench.replay import EpisodeReplay
-from curiobench.run_folder import read_config
+from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
+from curiobench.state import build_agent, build_replay
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
-from curiobench.training_state import build_agent, build_replay
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SavedRun:
 
         Raises ValueError where it is damaged, or gone, as it is once a run is finished, unless it was to be kept.
         """
-        folder = self.path / "checkpoint" / "replay"
+        folder = self.path / REPLAY
         if not folder.is_dir():
             raise ValueError(
                 f"{self.path} has no replay any more; runs trained with --machine.keep-replay keep theirs when finished"
@@ -62,7 +62,7 @@ def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     """
     config = read_config(path, trusted)
     tune_process(config.torch_threads)
-    folder = path / "checkpoint"
+    folder = path / CHECKPOINT
     saved = checkpoint.load(folder, config.fingerprint())
     if saved is None:
         raise ValueError(f"{path} has no checkpoint yet")
@@ -70,6 +70,6 @@ def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     agent = build_agent(on_cpu, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
     state, values = saved
     with checkpoint.errors_named(folder):
-        # a GPU's generator has another state than a CPU's; watching draws no random numbers
+        # a GPU's generator has another state than a CPU's; it is not used here
         agent.load_state_dict(state | {"generator": agent.state_dict()["generator"]})
         return SavedRun(path, config, agent, values["counters"]["epoch"], values["replay"])

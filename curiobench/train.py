@@ -1,26 +1,19 @@
 """Training, top to bottom: epochs of cycles, each of which collects episodes and then learns from the replay."""
 
 import shutil
-import signal
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType
-from typing import Self
 
 from curiobench import checkpoint
 from curiobench.config import RunConfig
-from curiobench.display import Display
-from curiobench.errors import Interrupted, RunFailed
-from curiobench.evaluation import Evaluation, Evaluator
-from curiobench.learned_goals import format_layers, last_evaluation, learned_by_layer
-from curiobench.learning_curve import draw_learning_curve
+from curiobench.display import Display, check_tensorboard, draw_learning_curve
+from curiobench.errors import Interrupted, RunFailed, StopRequest
+from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.process import tune_process
-from curiobench.records import progress_row, result
-from curiobench.run_folder import RunFolder, read_record, read_rows, versions
-from curiobench.tensorboard import TensorBoardLog, check_tensorboard
-from curiobench.training_state import TrainingState, check_device
+from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows, versions
+from curiobench.state import TrainingState, check_device, progress_row, result
 
 
 def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:
@@ -42,7 +35,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
     if config.machine.tensorboard:
         check_tensorboard()
     tune_process(config.torch_threads)
-    with RunFolder(out, config, resume, command) as folder, StopRequest() as stop:
+    with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
         try:
             run = Run(folder, config, stop)
         except (OSError, MemoryError) as error:
@@ -54,23 +47,21 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         except Exception as error:
             raise RunFailed(f"{out}: {run.where}: {_first_line(error)}{_kept(out)}") from error
         finally:
-            run.close()
+            run.display.close()
 
 
 class Run:
     """The loop, on one run folder."""
 
-    def __init__(self, folder: RunFolder, config: RunConfig, stop: "StopRequest") -> None:
+    def __init__(self, folder: RunFolder, config: RunConfig, stop: StopRequest) -> None:
         """Builds worlds, agent and replay, and restores the newest checkpoint; raises ValueError if it is damaged."""
         self.folder, self.config, self.stop = folder, config, stop
         self.state = TrainingState(config, folder.mapped_replay)
         self.evaluator = Evaluator(config.task, config.robot, config.episodes_per_goal, config.machine.threads)
         self._restore()
         first_epoch = self.state.counters.epoch + 1
-        tensorboard = folder.path / "tensorboard"
-        self.tensorboard = TensorBoardLog(tensorboard, first_epoch) if config.machine.tensorboard else None
         folder.lengthen()
-        self.display = Display(config)
+        self.display = Display(config, folder.path, first_epoch)
         self.display.note(
             f"{folder.path}: {config.method} on {config.task}, seed {config.seed}, from epoch {first_epoch}"
         )
@@ -100,12 +91,6 @@ class Run:
         """The present epoch and cycle, for messages; the first are 1."""
         return f"epoch {self.state.counters.epoch + 1}, cycle {self.state.counters.cycle + 1}"
 
-    def close(self) -> None:
-        """Give terminal and log files back."""
-        self.display.close()
-        if self.tensorboard:
-            self.tensorboard.close()
-
     def _end_epoch(self) -> None:
         """Evaluate, write the epoch's row and a checkpoint, each as often as the config says."""
         config = self.config
@@ -115,8 +100,6 @@ class Run:
         row = progress_row(self.state, evaluation)
         self.folder.append("progress.csv", [row])
         self.display.epoch(row)
-        if self.tensorboard:
-            self.tensorboard.write(row)
         self.state.end_epoch()
         if last or epoch % config.machine.checkpoint_every == 0:
             self._save()
@@ -130,10 +113,10 @@ class Run:
         return evaluation
 
     def _stop_if_asked(self) -> None:
-        if self.stop.signal_number is not None:
+        if self.stop.count:
             self._save()
             message = f"stopped in epoch {self.state.counters.epoch + 1} after a checkpoint"
-            raise Interrupted(f"{message}; continue {self.folder.path} with --resume", self.stop.signal_number)
+            raise Interrupted(f"{message}; continue {self.folder.path} with --resume", self.stop.number)
 
     def _save(self) -> None:
         path = self.folder.checkpoint
@@ -143,7 +126,7 @@ class Run:
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 
     def _restore(self) -> None:
-        """Take up the newest checkpoint, or begin; rows of the csv files that came after it are cut off."""
+        """Restore the newest checkpoint, if any, and cut off rows of the csv files that were written after it."""
         path = self.folder.checkpoint
         saved = checkpoint.load(path, self.config.fingerprint())
         if saved is None:
@@ -155,45 +138,26 @@ class Run:
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
-        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is to stay."""
+        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is kept."""
         rows = read_rows(self.folder.path / "evaluations.csv")
         picture = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
         self.folder.write_result(result(self.state, rows))
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
         self.display.note(f"learning curve: {picture}\nresult: {self.folder.path / 'result.json'}")
-        served = [self.folder.mapped_replay, *([] if self.config.machine.keep_replay else [self.folder.replay])]
-        for episodes in served:
-            shutil.rmtree(episodes, ignore_errors=True)
-
-
-class StopRequest:
-    """Turns the first Ctrl-C or SIGTERM into a request to stop at the next checkpoint; a second one stops at once."""
-
-    def __init__(self) -> None:
-        self.signal_number: int | None = None
-
-    def __enter__(self) -> Self:
-        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.signal_number = number
-        signal.signal(number, self._before[number])
-
-    def __exit__(self, *exception: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
+        if not self.config.machine.keep_replay:
+            shutil.rmtree(self.folder.replay, ignore_errors=True)
 
 
 def _changed_versions(path: Path, method: str) -> str:
-    """What is not of the version that the run was started under, as text; empty if all is."""
+    """Versions that differ from those that the run was started under, as text; empty if none does."""
     then, now = read_record(path)["versions"], versions(method)
     return ", ".join(f"{name} {now[name]}, was {then.get(name)}" for name in now if then.get(name) != now[name])
 
 
 def _kept(out: Path) -> str:
-    """Write the traceback to error.log, if the disk takes it, and say what is kept."""
-    kept = "; the last checkpoint is kept" if (out / "checkpoint").exists() else ""
+    """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
+    kept = "; the last checkpoint is kept" if (out / CHECKPOINT).exists() else ""
     with suppress(OSError):
         (out / "error.log").write_text(traceback.format_exc())
         return f"{kept}; details in {out / 'error.log'}"

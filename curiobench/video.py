@@ -7,8 +7,8 @@ import numpy as np
 
 from curiobench.config import RunConfig
 from curiobench.methods.sac import SAC
+from curiobench.rollout import play, policy
 from curiobench.tasks import BatchedStacking
-from curiobench.tasks.registration import EPISODE_STEPS
 from curiobench.tasks.rendering import WorldRenderer
 from curiobench.tasks.robots import CONTROL_TIMESTEP
 
@@ -43,28 +43,20 @@ def film(
     out = out or run / f"{re.sub(r'[^a-z]+', '_', name)}.mp4"
     if out.suffix not in SUFFIXES:
         raise ValueError(f"cannot write {out}: a video is {' or '.join(SUFFIXES)}")
-    renderer = WorldRenderer(worlds.model)
+    renderer, frames, reached = WorldRenderer(worlds.model), [], 0
     try:
-        shots = [_episode(worlds, agent, bits, renderer) for _ in range(episodes)]
+        for _ in range(episodes):
+            seen, act = worlds.reset(goals=bits), policy(agent, deterministic=True)
+            played = play(worlds, seen, act, lambda: frames.append(renderer.render(worlds.qpos[0]).copy()))
+            reached += int(played.reward[0] > 0)
     finally:
         renderer.close()
-    _write(out, np.concatenate([frames for frames, _ in shots]))
-    return out, sum(success for _, success in shots)
-
-
-def _episode(worlds: BatchedStacking, agent: SAC, goal: np.ndarray, renderer: WorldRenderer) -> tuple[np.ndarray, bool]:
-    """Frames `(51, height, width, 3)` uint8 of one episode, and whether it ended in the goal."""
-    seen = worlds.reset(goals=goal)
-    frames = [renderer.render(worlds.qpos[0]).copy()]
-    for _ in range(EPISODE_STEPS):
-        seen, reward = worlds.step(
-            agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic=True)
-        )
-        frames.append(renderer.render(worlds.qpos[0]).copy())
-    return np.stack(frames), bool(reward[0] > 0)
+    _write(out, np.stack(frames))
+    return out, reached
 
 
 def _write(path: Path, frames: np.ndarray) -> None:
+    """Write frames `(T, height, width, 3)` uint8."""
     try:
         import imageio.v3 as imageio
     except ImportError:

@@ -36,7 +36,7 @@ def no_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
-            gc.collect(0)  # of the young objects, which are those made meanwhile
+            gc.collect(0)  # the young objects, which were made in the block
 
 
 def parallel_map(
@@ -59,8 +59,8 @@ def parallel_map(
         Results in the order of the items.
 
     Raises:
-        Exception: what the function raised, of any of the items. What a forked process failed at, or did not tell
-            before it died, is done here once more.
+        Exception: what the function raised, of any of the items. Items of a forked process that failed or
+            died are done again in this process.
     """
     processes = min(processes, len(items) // least) if _may_fork() else 1
     known: dict[int, Result] = {}
@@ -72,16 +72,16 @@ def parallel_map(
 
 
 def _may_fork() -> bool:
-    """Not where it is unsafe, nor in a process that may have no children."""
+    """Whether forking is safe here and this process may have children."""
     return sys.platform == "linux" and not multiprocessing.current_process().daemon
 
 
 def _share(work: "_Work", helpers: int, meanwhile: Callable[[], object]) -> dict[int, Any]:
-    """Results by position, as far as they are told."""
+    """Results by position, as far as they arrived."""
     with ExitStack() as stack:
         stack.callback(work.close)
         started: list[_Helper] = []
-        with suppress(OSError):  # no process to be had: those there are do it
+        with suppress(OSError):  # no more processes available: the existing ones do the work
             while len(started) < helpers:
                 started.append(_Helper(work))
                 stack.callback(started[-1].stop)
@@ -93,7 +93,7 @@ def _share(work: "_Work", helpers: int, meanwhile: Callable[[], object]) -> dict
 
 
 class _Work:
-    """Items that processes take in turn: from a pipe, for one that is killed would never give a lock back."""
+    """Items that processes take in turn from a pipe. A lock would not be released by a process that is killed."""
 
     def __init__(self, function: Callable[[Any], Any], items: Sequence[Any]) -> None:
         self._function, self._items = function, items
@@ -111,19 +111,19 @@ class _Work:
                 yield position, self._function(self._items[position])
 
     def close(self) -> None:
-        """Give the pipe back."""
+        """Close the pipe."""
         os.close(self._queue)
 
 
 class _Helper:
-    """A forked process that takes items, too, and hands over its results when none is left."""
+    """A forked process that takes items, and sends its results when none is left."""
 
     def __init__(self, work: _Work) -> None:
-        """Raises OSError where there is no process to be had."""
+        """Raises OSError where no process can be started."""
         context = multiprocessing.get_context("fork")
         self._receiver, sender = context.Pipe(duplex=False)
         self._process = context.Process(target=_help, args=(self._receiver, sender, work), daemon=True)
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # Ctrl-C is for this process alone
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # Ctrl-C reaches this process alone
         try:
             self._process.start()
         finally:
@@ -131,20 +131,20 @@ class _Helper:
             sender.close()  # so that the end of the process ends the pipe
 
     def results(self) -> Iterator[tuple[int, Any]]:
-        """Position and result of what it did; less where it failed or died."""
-        with suppress(Exception):  # whatever is wrong with a result, it is done once more
+        """Positions and results; fewer where it failed or died."""
+        with suppress(Exception):  # a result that cannot be received is computed again
             while True:
                 yield self._receiver.recv()
 
     def stop(self) -> None:
-        """End it, whatever it is at."""
+        """Kill it."""
         self._process.kill()
         self._process.join()
         self._receiver.close()
 
 
 def _help(receiver: Connection, sender: Connection, work: _Work) -> None:
-    """What a helper does. It tells nobody of errors: the one it helps does the same once more, and meets them, too."""
+    """What a helper does. It reports no errors: its parent does the same items again, and meets them, too."""
     receiver.close()  # so that sending fails when the other process is gone
     helped = os.getppid()
     done = []
@@ -153,7 +153,7 @@ def _help(receiver: Connection, sender: Connection, work: _Work) -> None:
             done.append(result)
             if os.getppid() != helped:
                 os._exit(1)
-        for result in done:  # not before: nobody receives as yet, and sending would wait
+        for result in done:  # not before: the parent does not receive yet, and sending would block
             sender.send(result)
     except BaseException:
         os._exit(1)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from make_fidelity import markdown, replace_section
 
-from curiobench.learned_goals import last_evaluation, learned_by_layer
+from curiobench.evaluation import last_evaluation, learned_by_layer
 from curiobench.run_folder import read_rows
 
 DOCS = Path(__file__).parent

@@ -1,21 +1,29 @@
-"""The cells of a grid: what each trains, by which command, in which folder."""
+"""The cells of a grid: what each trains, by which command, in which folder. grid.json lists them for tables."""
 
+import fcntl
 import re
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
-from curiobench.config import PRESETS, RunConfig
+from curiobench.cli.train_arguments import parse_train
+from curiobench.config import RunConfig
+from curiobench.files import read_json, write_json, writing_to
 from curiobench.grid.definition import Grid, Options, Scalar
 from curiobench.methods.specs import shown
+from curiobench.options import flatten
+from curiobench.presets import PRESETS
+from curiobench.results.folders import GRID_FORMAT
 from curiobench.tasks.registration import check_name
-from curiobench.train_arguments import parse_train
 
 _OWN = ("task", "method", "seed")
 """Options that are axes of the grid."""
 _AXES_OF_ALL = ("preset", "robot")
-"""Options that the grid has keys of its own for; a variant may still differ in them."""
+"""Options with separate keys in the grid; variants may still change them."""
+NAME = "grid.json"
 _METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
 
 
@@ -28,11 +36,11 @@ class Cell:
     folder: str
     """Name of the run folder in it."""
     method: str
-    """Method spec as it is shown: `mihm`, not `mi+hm`."""
+    """Method spec for display: `mihm`, not `mi+hm`."""
     variant: str
     """Name of the variant; empty where the grid has none."""
     config: RunConfig
-    """Decides the numbers of the run."""
+    """Config of the run."""
     arguments: tuple[str, ...]
     """Arguments of `curiobench train`."""
 
@@ -98,21 +106,14 @@ def folder_name(method: str) -> str:
 
 def _check_names(options: Options) -> None:
     """See that options exist. Not left to the parser alone, which knows flags that are no options, such as --help."""
-    legal = (*_AXES_OF_ALL, *_names(PRESETS["laptop"].to_json()))
+    own = (*_OWN, *_AXES_OF_ALL, "method_config")
+    fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
+    legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))
     for name in options:
         if name in _OWN:
             raise ValueError(f"options: {name} is an axis of the grid; use {name}s")
         if not _METHOD_OPTION.fullmatch(name):
             check_name("option", name, legal)
-
-
-def _names(values: dict, prefix: str = "") -> Iterator[str]:
-    """Names of a config's fields as the command line has them, without those of the grid itself."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _names(value, f"{prefix}{name}.")
-        elif name not in (*_OWN, *_AXES_OF_ALL, "method_config"):
-            yield f"{prefix}{name}".replace("_", "-")
 
 
 def _flags(name: str, value: Scalar) -> list[str]:
@@ -122,3 +123,56 @@ def _flags(name: str, value: Scalar) -> list[str]:
         return [f"--{path}{dot}{'' if value else 'no-'}{last}"]
     text = str(value)
     return [f"--{name}={text}"] if text.startswith("-") else [f"--{name}", text]
+
+
+def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> None:
+    """Add cells to the folder's grid.json, which is created with the folder if there is none.
+
+    Args:
+        out: folder of the grid.
+        cells: to add; one that has begun already keeps the command that began it.
+        command: the command line of the grid, for the record.
+
+    Raises ValueError where the file is no grid's or the folder cannot be written; one line.
+    """
+    with writing_to(out):
+        out.mkdir(parents=True, exist_ok=True)
+        with open(out / ".grid.lock", "a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
+            record = read_record(out)
+            entries = {entry["folder"]: entry for entry in record["cells"]}
+            for cell in cells:
+                if cell.folder not in entries or not (cell.path / "config.json").exists():
+                    entries[cell.folder] = _entry(cell)
+            this = shlex.join(command)
+            commands = [*(known for known in record["commands"] if known != this), this]
+            write_json(out / NAME, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
+
+
+def read_record(out: Path) -> dict[str, Any]:
+    """What grid.json holds, an empty grid where there is none; raises ValueError where it is something else."""
+    path = out / NAME
+    if not path.exists():
+        return {"format": GRID_FORMAT, "commands": [], "cells": []}
+    record = read_json(path)
+    if record.get("format") != GRID_FORMAT:
+        raise ValueError(f"{path} is not a grid's: its format is {record.get('format')!r}")
+    cells, commands = record.get("cells"), record.get("commands")
+    if not isinstance(commands, list) or not isinstance(cells, list) or not all(map(_is_entry, cells)):
+        raise ValueError(f"{path} is damaged: it has no list of cells with folders")
+    return record
+
+
+def _is_entry(value: Any) -> bool:
+    return isinstance(value, dict) and isinstance(value.get("folder"), str)
+
+
+def _entry(cell: Cell) -> dict[str, Any]:
+    return {
+        "folder": cell.folder,
+        "task": cell.config.task,
+        "method": cell.method,
+        "seed": cell.config.seed,
+        "variant": cell.variant,
+        "command": shlex.join(cell.command),
+    }

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
+from curiobench.cli.arguments import GridArguments
 from curiobench.config import LARGEST_SEED
-from curiobench.grid.arguments import GridArguments
 
 Scalar = str | int | float | bool | None
 Options = Mapping[str, Scalar]
@@ -46,11 +46,16 @@ class Grid:
             values = getattr(self, name)
             if not values:
                 raise ValueError(f"the grid has no {name}: name some by --{name}, or by {name} in the file")
-            if doubled := [value for i, value in enumerate(values) if value in values[:i]]:
+            if doubled := _repeated(values):
                 raise ValueError(f"{name} names {doubled[0]} twice")
         for seed in (min(self.seeds), max(self.seeds)):
             if not 0 <= seed <= LARGEST_SEED:
                 raise ValueError(f"seeds holds {seed}; a seed lies between 0 and {LARGEST_SEED}")
+
+
+def _repeated(values: Sequence[Any]) -> list[Any]:
+    """Values that stand earlier in the sequence, too."""
+    return [value for i, value in enumerate(values) if value in values[:i]]
 
 
 def define(arguments: GridArguments) -> Grid:
@@ -97,7 +102,7 @@ class _Loader(yaml.SafeLoader):
         names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         if "<<" in names:  # a few lines of nested ones take hours
             raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are not allowed", node.start_mark)
-        if doubled := [name for i, name in enumerate(names) if name in names[:i]]:
+        if doubled := _repeated(names):
             raise yaml.constructor.ConstructorError(
                 None, None, f"the key {doubled[0]!r} is there twice", node.start_mark
             )
@@ -167,7 +172,7 @@ def _mapping(value: Any, where: str) -> dict[str, Any]:
 
 
 def _kind(value: Any) -> str:
-    """A value as an error message shows it; what is nested is not shown, it may be endless."""
+    """A value for an error message; the content of lists and mappings is left out."""
     if isinstance(value, list):
         return "a list"
     if isinstance(value, dict):
@@ -199,7 +204,7 @@ def _options_of_text(text: str) -> dict[str, Scalar]:
         if not sign:
             raise ValueError(f"options: {name!r} has no value; expected pairs such as epochs=12,sac.gamma=0.9")
     names = [name.strip() for name, _, _ in pairs]
-    if doubled := [name for i, name in enumerate(names) if name in names[:i]]:
+    if doubled := _repeated(names):
         raise ValueError(f"options: the option {doubled[0]!r} is there twice")
     words = {"true": True, "false": False}
     values = (value.strip() for _, _, value in pairs)

@@ -1,7 +1,6 @@
-"""What a cell's folder says about it. Grids share nothing but the folders, so they are asked each time."""
+"""The state of a cell, read from its folder. Grids share nothing but folders, so it is read anew each time."""
 
 import csv
-import fcntl
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, read_config
+from curiobench.run_folder import REPLAY, is_locked, read_config
 
 
 class State(StrEnum):
@@ -22,7 +21,7 @@ class State(StrEnum):
     FINISHED = "finished"
     BROKEN = "broken"
     CONFLICT = "conflict"
-    """Its folder holds something else, which is left alone."""
+    """Its folder holds something else, which is not touched."""
     STOPPED = "stopped"
 
 
@@ -42,18 +41,6 @@ def look(cell: Cell) -> tuple[State, str]:
         if not (cell.path / REPLAY).is_dir():
             return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay kept to be made longer from"
     return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
-
-
-def is_locked(path: Path) -> bool:
-    """Whether a process trains in a run folder."""
-    try:
-        with open(path / ".lock") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
 
 
 @dataclass
@@ -81,14 +68,14 @@ class ProgressReader:
         self.progress = Progress()
 
     def update(self) -> Progress:
-        """The progress as the files tell it now."""
+        """The present progress."""
         try:
             status = (self._path / "progress.csv").stat()
             if (status.st_size, status.st_mtime_ns) != self._stamp:
                 self.progress = self._read(status.st_mtime)
                 self._stamp = (status.st_size, status.st_mtime_ns)
         except (OSError, ValueError, KeyError, csv.Error):
-            pass  # not there yet, or in the midst of being written: the next look tells
+            pass  # missing, or just being written: read again at the next call
         return self.progress
 
     def _read(self, written: float) -> Progress:

@@ -1,19 +1,25 @@
-"""How a cell's training process is started and ended. The grid is the same whatever launches its cells."""
+"""How a cell's training process is started and ended: the interface, and processes of this machine."""
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from curiobench.files import now
+
 PROGRAM = ("-m", "curiobench")
-"""What the Python of the machine runs, before `train` and its arguments."""
+"""What Python runs, before `train` and its arguments."""
 
 ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 } | {"PYTHONUNBUFFERED": "1"}
 """Environment of a cell: libraries otherwise start a thread a core in every one of them."""
+
+_TETHER = Path(__file__).with_name("tether.py")
 
 LOST = 256
 """Exit code, beyond those of processes, of a cell whose machine or worker went away."""
@@ -29,7 +35,7 @@ class Job(Protocol):
         """Ask it to end after a checkpoint, by SIGINT or SIGTERM; called once."""
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill it."""
 
 
 class Launcher(Protocol):
@@ -42,14 +48,13 @@ class Launcher(Protocol):
         """Start `curiobench train` with its output appended to a file; raises OSError where that is impossible."""
 
     def close(self) -> None:
-        """Give back what was taken; every job has ended."""
+        """Release resources; every job has ended."""
 
 
 def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
-    """A log to append to, with a line on what begins now. Each write is whole even if two processes append."""
+    """A log to append to, with a line on what begins now. Unbuffered: two processes may append."""
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    log.write(f"--- {now} {os.uname().nodename}: {shlex.join(command)}\n".encode())
+    log.write(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n".encode())
     return log
 
 
@@ -77,6 +82,62 @@ def size_of(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-def environment(inherited: Mapping[str, str]) -> dict[str, str]:
-    """Environment of a cell's process."""
-    return {**inherited, **ONE_THREAD}
+class LocalJob(Job):
+    """A process in a session of its own: Ctrl-C in the terminal reaches the grid alone, which passes it on."""
+
+    def __init__(self, command: Sequence[str], log: Path, folder: Path | None = None) -> None:
+        """Starts the command in a working folder, this process' own if None; output goes to the log. Raises OSError."""
+        with open_log(log, command) as file:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", str(_TETHER), str(os.getpid()), *command],
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                cwd=folder,
+                env=os.environ | ONE_THREAD,
+                start_new_session=True,
+            )
+
+    def poll(self) -> int | None:
+        return self._process.poll()
+
+    def signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def kill(self) -> None:
+        """Kill the session, and wait for the process."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+
+class LocalLauncher(Launcher):
+    """Starts processes, as many at a time as there are jobs."""
+
+    def __init__(self, jobs: int, program: Sequence[str] = PROGRAM) -> None:
+        """
+        Args:
+            jobs: processes at a time.
+            program: what Python runs, before `train` and its arguments.
+        """
+        self._jobs, self._program = jobs, program
+
+    def slots(self) -> int:
+        return self._jobs
+
+    def start(self, arguments: Sequence[str], log: Path) -> LocalJob:
+        return LocalJob([sys.executable, *self._program, "train", *arguments], log)
+
+
+def physical_cores() -> int:
+    """Physical cores that this process may use; threads of one core count once, they would share it."""
+    if not hasattr(os, "sched_getaffinity"):
+        return os.cpu_count() or 1
+    cores = set()
+    for cpu in os.sched_getaffinity(0):
+        topology = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology")
+        try:
+            cores.add(tuple((topology / name).read_text() for name in ("physical_package_id", "core_id")))
+        except OSError:
+            cores.add((str(cpu),))
+    return len(cores)

@@ -5,7 +5,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -13,6 +12,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from curiobench.display import duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
@@ -33,11 +33,12 @@ _STYLES = {
 """Colours; the order decides which cells are shown where a terminal is too low for all."""
 
 
-class View(Protocol):
-    """Told by the scheduler what happens."""
+class View:
+    """Shows what happens; the scheduler calls it."""
 
     def event(self, text: str) -> None:
-        """Something that a person should know, in one line or several."""
+        """A message of one line or several."""
+        raise NotImplementedError
 
     def started(self, status: Status) -> None:
         """A cell's process has been started."""
@@ -46,43 +47,36 @@ class View(Protocol):
         """A cell is finished, stopped, in conflict, or taken by another process."""
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
-        """How all cells fare, `slots` at a time; called often."""
+        """The states of all cells, `slots` of which run at a time; called often."""
 
     def close(self) -> None:
-        """Give the terminal back."""
+        """Release the terminal."""
 
 
-class PlainView:
-    """Lines with the time of day, for logs."""
+class PlainView(View):
+    """Lines with the time of day, for logs; a line on all cells every few minutes."""
 
     def __init__(self) -> None:
         self._reported = time.monotonic()
 
     def event(self, text: str) -> None:
-        """Print it."""
         print(f"{datetime.now():%H:%M:%S} {text}", flush=True)
 
     def started(self, status: Status) -> None:
-        """Print which epoch it starts from."""
         self.event(f"{status.cell.folder}: started at epoch {status.progress.epoch + 1} of {status.cell.config.epochs}")
 
     def ended(self, status: Status) -> None:
-        """Print how it ended."""
         learned = f", {_learned(status)} goals learned" if status.state is State.FINISHED else ""
         self.event(f"{status.cell.folder}: {_phrase(status)}{learned}")
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
-        """Print a line on all cells, every few minutes."""
         if time.monotonic() - self._reported >= REPORT_SECONDS:
             self._reported = time.monotonic()
             self.event(summary(statuses, slots))
 
-    def close(self) -> None:
-        """Nothing to give back."""
 
-
-class LiveView:
-    """A table on the terminal that stays up to date; what went wrong is printed above it."""
+class LiveView(View):
+    """A table on the terminal, drawn at most once a second; messages are printed above it."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(highlight=False)
@@ -91,17 +85,9 @@ class LiveView:
         self._drawn = 0.0
 
     def event(self, text: str) -> None:
-        """Print it above the table."""
         self._console.print(f"{datetime.now():%H:%M:%S} {text}", markup=False, soft_wrap=True)
 
-    def started(self, status: Status) -> None:
-        """The table shows it."""
-
-    def ended(self, status: Status) -> None:
-        """The table shows it."""
-
     def show(self, statuses: Sequence[Status], slots: int) -> None:
-        """Draw the table again, at most once a second."""
         self._frame = (statuses, slots)
         if time.monotonic() - self._drawn >= REFRESH_SECONDS:
             self._draw()
@@ -119,7 +105,7 @@ class LiveView:
 
 
 def view() -> View:
-    """What suits stdout."""
+    """The view for stdout: live on a terminal, else lines."""
     return LiveView() if sys.stdout.isatty() else PlainView()
 
 
@@ -181,12 +167,3 @@ def _phrase(status: Status) -> str:
 def _learned(status: Status) -> str:
     progress = status.progress
     return "-" if progress.learned is None else f"{progress.learned}/{progress.goals or '?'}"
-
-
-def duration(seconds: float | None) -> str:
-    """Hours, minutes and seconds, as 1:02:03; "-" where it is not known."""
-    if seconds is None:
-        return "-"
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}"

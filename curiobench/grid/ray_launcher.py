@@ -15,8 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM
-from curiobench.grid.local import LocalJob, physical_cores
+from curiobench.grid.launcher import LOST, PROGRAM, LocalJob, physical_cores
 
 _POLL_SECONDS = 0.2
 _RESOURCES_SECONDS = 5.0
@@ -76,12 +75,12 @@ class RayJob:
         self._ray.cancel(self._task)
 
     def kill(self) -> None:
-        """End its worker at once; the training process gets SIGTERM and ends after a checkpoint."""
+        """Kill its worker; the training process gets SIGTERM and ends after a checkpoint."""
         self._ray.cancel(self._task, force=True)
 
 
 class RayLauncher:
-    """Starts tasks of one CPU each, on a cluster that is up or on one of its own."""
+    """Starts tasks of one CPU each, on a running cluster or on one that it starts."""
 
     def __init__(self, jobs: int | None, address: str | None, program: Sequence[str] = PROGRAM) -> None:
         """
@@ -110,12 +109,12 @@ class RayLauncher:
         return RayJob(self._ray, task, log)
 
     def close(self) -> None:
-        """Leave the cluster, or end it if it is the grid's own."""
+        """Leave the cluster, or stop it if the grid started it."""
         self._ray.shutdown()
 
 
 def _connect(jobs: int | None, address: str | None) -> ModuleType:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a cluster of the grid's own reports to nobody
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a cluster started here reports no usage
     try:
         import ray
     except ImportError:
@@ -132,7 +131,7 @@ def _connect(jobs: int | None, address: str | None) -> ModuleType:
 
 
 def _check_answers(address: str) -> None:
-    """Raise ValueError where nobody listens at HOST:PORT; Ray itself tries for minutes."""
+    """Raise ValueError where no server answers at HOST:PORT; Ray itself tries for minutes."""
     host, colon, port = address.rpartition(":")
     if not (host and colon and port.isdecimal()):
         raise ValueError(f"address is {address!r}; expected auto, or a host and port such as 10.0.0.1:6379")

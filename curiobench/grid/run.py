@@ -1,20 +1,17 @@
-"""`curiobench grid`, top to bottom: what is asked for, who launches it, what became of it."""
+"""`curiobench grid`, top to bottom: read the definition, choose the launcher, train, report."""
 
 import shlex
 from collections.abc import Sequence
 
-from curiobench.errors import Interrupted, RunFailed
-from curiobench.grid.arguments import GridArguments
-from curiobench.grid.cells import Cell, cells_of
+from curiobench.cli.arguments import GridArguments
+from curiobench.errors import Interrupted, RunFailed, StopRequest
+from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, look
-from curiobench.grid.launcher import Launcher
-from curiobench.grid.local import LocalLauncher, physical_cores
+from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
 from curiobench.grid.overview import View, summary, view
-from curiobench.grid.record import write_record
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.status import Status
-from curiobench.grid.stop import StopRequest
 
 
 def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
@@ -38,7 +35,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     cells = cells_of(define(arguments), out)
     if arguments.dry_run:
         for cell in cells:
-            print(f"{cell.folder}: {_said(cell)}\n  {shlex.join(cell.command)}")
+            print(f"{cell.folder}: {_state(cell)}\n  {shlex.join(cell.command)}")
         return
     launcher = _launcher(arguments)
     try:
@@ -50,7 +47,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
 
 
 def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
-    """Train cells and report what became of them; raises as `run_grid`."""
+    """Train cells and report faults; raises as `run_grid`."""
     with StopRequest() as stop:
         scheduler = Scheduler(cells, launcher, retries, view, stop)
         slots = launcher.slots()
@@ -81,6 +78,6 @@ def _launcher(arguments: GridArguments) -> Launcher:
     return LocalLauncher(arguments.jobs or physical_cores())
 
 
-def _said(cell: Cell) -> str:
+def _state(cell: Cell) -> str:
     state, reason = look(cell)
     return f"{state}: {reason}" if reason else str(state)

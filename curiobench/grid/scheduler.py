@@ -5,23 +5,24 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
+from curiobench.errors import StopRequest
 from curiobench.grid.cells import Cell
-from curiobench.grid.disk import State, is_locked
+from curiobench.grid.disk import State
 from curiobench.grid.launcher import LOST, Launcher, size_of, tail
 from curiobench.grid.overview import View
 from curiobench.grid.status import OPEN, Status
-from curiobench.grid.stop import StopRequest
+from curiobench.run_folder import is_locked
 
 POLL_SECONDS = 0.5
 """Between two looks at the processes; a cell takes minutes to days."""
 ELSEWHERE_SECONDS = 5.0
 """Between two looks at cells that another process trains."""
 _TAKEN = "is already running"
-"""What `train` says where another process was first."""
+"""Part of the message of `train` where another process was first."""
 
 
 class Scheduler:
-    """The loop. Whether a cell is to be trained is asked of its folder each time, as other grids may work there."""
+    """The loop. It reads the folder of a cell before each start, as other grids may work there."""
 
     def __init__(
         self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: View, stop: StopRequest,
@@ -32,8 +33,8 @@ class Scheduler:
             cells: to finish, in this order.
             launcher: starts their processes.
             retries: how often a broken cell is tried again.
-            view: told what happens.
-            stop: asked whether to end.
+            view: shows what happens.
+            stop: counts the requests to end.
             poll, elsewhere_poll: seconds, see the constants.
         """
         self.statuses = [Status(cell) for cell in cells]
@@ -63,18 +64,18 @@ class Scheduler:
         return [status for status in self.statuses if status.job]
 
     def _look(self, status: Status) -> None:
-        """Take over what a folder says, and queue the cell if it is to be trained."""
+        """Read the state of a cell from its folder, and queue the cell if it is to be trained."""
         if self._is_waiting(status):
             self._queue.append(status)
 
     def _is_waiting(self, status: Status) -> bool:
-        """Take over what a folder says; whether the cell is to be trained."""
+        """Read the state of a cell from its folder; whether it is to be trained."""
         if status.look() is State.CONFLICT:
             self._view.event(f"{status.cell.folder}: left alone: {status.reason}")
         return status.state is State.WAITING
 
     def _look_elsewhere(self) -> None:
-        """See which cells another process has taken, and whether those are finished, or free as that process died."""
+        """Find cells that another process has taken, finished or left."""
         if time.monotonic() - self._looked < self._elsewhere_poll:
             return
         self._looked = time.monotonic()
@@ -107,7 +108,7 @@ class Scheduler:
                 self._ended(status, code)
 
     def _ended(self, status: Status, code: int) -> None:
-        """Sort a cell whose process has ended, by what its folder says now."""
+        """Decide what follows for a cell whose process has ended, by its folder."""
         lines = tail(status.cell.log, status.log_start)
         if code == LOST and not self._stop.count:
             self._view.event(f"{status.cell.folder}: {_cause(code)}")
@@ -149,7 +150,7 @@ class Scheduler:
                 status.job.kill()
 
     def _end_all(self) -> None:
-        """Where this process fails itself: let no cell run on unseen."""
+        """End all cells, also when this process fails."""
         running = self._running()
         for status in running:
             status.job.signal(signal.SIGTERM)

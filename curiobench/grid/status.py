@@ -1,4 +1,4 @@
-"""A cell as the grid sees it while it works, and how long it will take."""
+"""A cell while the grid works, and how long it will take."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from curiobench.grid.disk import Progress, ProgressReader, State, look
 from curiobench.grid.launcher import Job, size_of
 
 OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
-"""States in which a cell is still to be finished by somebody, now or later."""
+"""States of cells that are still to be finished, here or by another grid."""
 
 
 @dataclass(eq=False)
@@ -38,7 +38,7 @@ class Status:
         return self.reader.progress
 
     def look(self) -> State:
-        """Take over what the folder says; only for a cell that this grid does not run now."""
+        """Read the state from the folder; only for a cell that this grid does not run now."""
         self.state, self.reason = look(self.cell)
         self.reader.update()
         return self.state
@@ -62,7 +62,7 @@ _ALIKE: Sequence[Callable[[Cell], object]] = (
     lambda cell: (cell.config.task, cell.variant),
     lambda cell: cell.config.task,
 )
-"""What a cell may share with another, the closest first."""
+"""What similar cells have in common, the most similar first."""
 
 
 def paces(statuses: Iterable[Status]) -> Paces:
@@ -80,7 +80,7 @@ def seconds_left(status: Status, paces: Paces, now: float) -> float | None:
 
     Args:
         status: of the cell.
-        paces: of all cells; one that has not begun is assumed to go like those that share most with it.
+        paces: of all cells; one that has not begun is assumed to be as fast as the most similar ones.
         now: seconds since 1970.
     """
     epochs, progress = status.cell.config.epochs, status.progress

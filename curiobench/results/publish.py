@@ -186,7 +186,7 @@ def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None
 
 def derive(folder: Path) -> None:
     """Write the tables, figures and the report of a published set into it, as the commands of these names do."""
-    from curiobench.arguments import TableArguments
+    from curiobench.cli.arguments import TableArguments
     from curiobench.results.figures import draw_figures
     from curiobench.results.paper import LEARNED
     from curiobench.results.report import write_report

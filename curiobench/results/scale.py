@@ -5,7 +5,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from curiobench.config import PRESETS, flatten, preset
+from curiobench.options import flatten
+from curiobench.presets import PRESETS, preset
 from curiobench.results.reading import decisive
 from curiobench.tasks.registration import EPISODE_STEPS
 

@@ -5,8 +5,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 
-from curiobench.config import PRESETS, preset
 from curiobench.methods.specs import canonical, split
+from curiobench.presets import PRESETS, preset
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
 from curiobench.results.frames import METHOD_ORDER
 from curiobench.results.submission import Fault, Reference, Skipped, Submission

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from curiobench.findings import Finding
+from curiobench.check import Finding
 from curiobench.protocol import MIN_SEEDS
 from curiobench.results import submission_options, submission_rows
 from curiobench.results.submission import Fault, Reference, Skipped, Submission, read_submission, reference

@@ -19,7 +19,7 @@ from curiobench.results.tables import Table, flat_table, method_tables, run_tabl
 from curiobench.workers import cores
 
 if TYPE_CHECKING:
-    from curiobench.arguments import TableArguments
+    from curiobench.cli.arguments import TableArguments
 
 SUFFIXES = {"terminal": "txt", "markdown": "md", "latex": "tex", "csv": "csv"}
 """File names of the formats."""

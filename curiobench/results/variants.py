@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from curiobench.config import flatten
+from curiobench.options import flatten
 
 _APART = ("task", "method", "seed")
 """Options with a column of their own."""

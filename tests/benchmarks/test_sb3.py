@@ -17,8 +17,8 @@ from curiobench.methods.sac import SAC
 from curiobench.methods.settings import SACConfig
 from curiobench.replay import EpisodeReplay, ReplayConfig
 from curiobench.rollout import collect
+from curiobench.state import pair_layout
 from curiobench.tasks import BatchedStacking
-from curiobench.training_state import pair_layout
 
 EPISODES, UPDATES = 40, 10
 SIZES = [("stack2", 512, 64), ("stack2", 256, 256), ("stack3", 512, 64), ("stack3", 256, 256)]

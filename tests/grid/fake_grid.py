@@ -5,17 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-from curiobench.arguments import parse
-from curiobench.errors import Interrupted, RunFailed
-from curiobench.grid.arguments import GridArguments
-from curiobench.grid.cells import Cell, cells_of
+from curiobench.cli.arguments import GridArguments, parse
+from curiobench.errors import Interrupted, RunFailed, StopRequest
+from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
-from curiobench.grid.local import LocalLauncher
+from curiobench.grid.launcher import LocalLauncher
 from curiobench.grid.overview import PlainView, View
-from curiobench.grid.record import write_record
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
-from curiobench.grid.stop import StopRequest
 from curiobench.run_folder import FORMAT
 
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)

@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 from fake_grid import make_cells
 
-from curiobench.arguments import parse
-from curiobench.grid.arguments import GridArguments
-from curiobench.grid.cells import cells_of, folder_name
+from curiobench.cli.arguments import GridArguments, parse
+from curiobench.cli.train_arguments import parse_train
+from curiobench.grid.cells import NAME, cells_of, folder_name, read_record, write_record
 from curiobench.grid.definition import Grid, define, read_definition
-from curiobench.grid.record import NAME, read_record, write_record
-from curiobench.train_arguments import parse_train
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "ablation.yaml"
 

@@ -12,8 +12,8 @@ import fake_grid
 import pytest
 from fake_grid import make_cells, rows, tell_fakes, undisturbed
 
-from curiobench.grid.disk import is_locked
-from curiobench.grid.local import LocalJob
+from curiobench.grid.launcher import LocalJob
+from curiobench.run_folder import is_locked
 
 MANY = ("--methods", "sac,icm,rnd", "--seeds", "2", "--options", "epochs=20")
 

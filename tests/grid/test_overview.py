@@ -8,8 +8,9 @@ import pytest
 from fake_grid import make_cells
 from rich.console import Console
 
+from curiobench.display import duration
 from curiobench.grid.disk import Progress, ProgressReader, State
-from curiobench.grid.overview import LiveView, PlainView, duration, overview, summary
+from curiobench.grid.overview import LiveView, PlainView, overview, summary
 from curiobench.grid.status import Status, grid_seconds_left, paces, seconds_left
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 from fake_grid import FAKE, make_cells, rows, tell_fakes, undisturbed
 
-from curiobench.grid.disk import State, is_locked
+from curiobench.errors import StopRequest
+from curiobench.grid.disk import State
 from curiobench.grid.overview import PlainView
 from curiobench.grid.ray_launcher import RayLauncher
 from curiobench.grid.scheduler import Scheduler
-from curiobench.grid.stop import StopRequest
+from curiobench.run_folder import is_locked
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("ray")

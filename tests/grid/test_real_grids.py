@@ -1,6 +1,5 @@
 """`curiobench grid` with real training: killed at random moments, or on a cluster that loses a machine, same rows."""
 
-import csv
 import os
 import random
 import shlex
@@ -11,8 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-from curiobench.records import WALL_CLOCK
+import tiny_runs
 
 pytestmark = pytest.mark.slow
 
@@ -49,13 +47,8 @@ def finish(process: subprocess.Popen) -> str:
 
 
 def numbers(out: Path) -> dict[str, object]:
-    """All rows of all runs without the wall-clock columns, by folder."""
-    found = {}
-    for path in sorted(out.glob("*/result.json")):
-        with open(path.parent / "progress.csv", newline="") as file:
-            progress = [{k: v for k, v in row.items() if k not in WALL_CLOCK} for row in csv.DictReader(file)]
-        found[path.parent.name] = progress, (path.parent / "evaluations.csv").read_text()
-    return found
+    """What two grids must agree in, by folder of the finished runs."""
+    return {path.parent.name: tiny_runs.numbers(path.parent) for path in sorted(out.glob("*/result.json"))}
 
 
 def sizes(out: Path) -> int:

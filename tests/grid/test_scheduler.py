@@ -9,13 +9,12 @@ import pytest
 from fake_grid import FAKE, make_cells, rows, schedule, tell_fakes, undisturbed
 
 from curiobench.config import CONFIG_VERSION
+from curiobench.errors import StopRequest
 from curiobench.files import write_json
 from curiobench.grid.disk import State, look
-from curiobench.grid.launcher import tail
-from curiobench.grid.local import LocalLauncher
+from curiobench.grid.launcher import LocalLauncher, tail
 from curiobench.grid.overview import PlainView
 from curiobench.grid.scheduler import _TAKEN, Scheduler
-from curiobench.grid.stop import StopRequest
 from curiobench.run_folder import FORMAT, REPLAY, _lock
 
 

@@ -9,7 +9,7 @@ from scipy.stats import chisquare
 from curiobench.methods.curriculum import Goals, Situation
 from curiobench.methods.decstr import DECSTR, DECSTRConfig, buckets
 from curiobench.tasks.goals import goal_space
-from curiobench.training_state import goals_of
+from curiobench.state import goals_of
 
 THREE = goals_of(goal_space(3))
 OF_BUCKET = {

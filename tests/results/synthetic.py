@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from curiobench.config import CONFIG_VERSION, PRESETS
+from curiobench.config import CONFIG_VERSION
 from curiobench.methods.specs import canonical
+from curiobench.presets import PRESETS
 from curiobench.run_folder import FORMAT
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of

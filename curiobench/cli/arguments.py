@@ -1,0 +1,273 @@
+"""Arguments of the commands but `train`, and how they are parsed."""
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import tyro
+
+from curiobench.probe import Among
+
+Arguments = TypeVar("Arguments")
+
+
+@dataclass(frozen=True)
+class ListArguments:
+    """Show the tasks, robots, methods and presets that `curiobench train` accepts."""
+
+
+@dataclass(frozen=True)
+class GridArguments:
+    """Train tasks × methods × seeds, a run folder each, several at a time. Give the same command again to continue.
+
+    Finished cells are skipped; broken ones are reported, tried again, and stop no other. Ctrl-C ends every cell after
+    a checkpoint. Several grids may work in one folder at once, each on cells of its own.
+    """
+
+    out: Path
+    """Folder of the run folders."""
+    file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE.yaml]")] = None
+    """Tasks, methods, seeds, preset, robot, options and variants, as docs/grids.md explains; flags override it."""
+    tasks: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None
+    """Tasks, such as stack2,stack3."""
+    methods: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None
+    """Method specs, such as sac,icm+hm; `curiobench list` shows them all."""
+    seeds: Annotated[str | None, tyro.conf.arg(metavar="N|A,B")] = None
+    """How many seeds, counted from 0, or the seeds themselves (one alone: 4,). 3 unless the file says otherwise."""
+    preset: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Preset of all cells; laptop unless the file says otherwise."""
+    robot: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Robot of all cells; gripper unless the file says otherwise."""
+    options: Annotated[str | None, tyro.conf.arg(metavar="A=X,B=Y")] = None
+    """Options of `curiobench train` for all cells, such as epochs=12,sac.gamma=0.9; added to the file's."""
+    jobs: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Cells at a time, one thread each; by default the physical cores that may be used here, or all of the cluster."""
+    retries: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """How often a broken cell is tried again, after the others."""
+    launcher: Literal["local", "ray"] = "local"
+    """Where cells run: processes of this machine, or tasks of a Ray cluster (needs the extra `ray`)."""
+    address: Annotated[str | None, tyro.conf.arg(metavar="HOST:PORT")] = None
+    """Ray cluster that is up, or auto to find it; without it one starts on this machine and ends with the grid."""
+    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show every cell, its state and its command, and start nothing."""
+
+
+@dataclass(frozen=True)
+class EvaluateArguments:
+    """Test the agent of a run's newest checkpoint on every goal, from plain starts, by its deterministic policy.
+
+    The run may still be training. With the run's own number of episodes the starts are those of its evaluations.
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    goals: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show every goal, not only the layers."""
+    episodes: int | None = None
+    """Test episodes of every goal; by default as many as in the run's own evaluations."""
+    threads: int = 1
+    """Threads that step the worlds; results do not depend on it."""
+    method: str | None = None
+    """The run's method, where it is one from outside: naming it allows importing it."""
+
+
+@dataclass(frozen=True)
+class VideoArguments:
+    """Film the agent of a run's newest checkpoint while it pursues a goal, (needs the extra `video`)."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    goal: str
+    """The goal: a name such as "a on b, c apart", or bits such as 100100000. `curiobench evaluate RUN --goals` lists
+    them."""
+    out: Path | None = None
+    """File to write, .mp4 or .gif; by default an mp4 in the run folder, named after the goal."""
+    episodes: int = 3
+    """Episodes to show, one after the other."""
+    seed: int = 0
+    """Seed of the starts."""
+    method: str | None = None
+    """The run's method, where it is one from outside: naming it allows importing it."""
+
+
+@dataclass(frozen=True)
+class TableArguments:
+    """Show what methods learned: learned goals, success and cost, with a row a task and method, over its seeds.
+
+    A single run folder gives a line on that run. What each number means: docs/results.md.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders such as a grid's, or published sets."""
+    like: Literal["paper"] | None = None
+    """Show the tables of the paper, with its numbers beside ours."""
+    format: Literal["terminal", "markdown", "latex", "csv"] = "terminal"
+    """Format of what is printed."""
+    baseline: str | None = None
+    """Method that the others are compared with; by default sac, where there are runs of it."""
+    out: Path | None = None
+    """Folder to write the tables to, in every format; files of the same names are replaced."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Count runs that are not finished, as far as they are."""
+    each_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show a line a run, finished or not."""
+
+
+@dataclass(frozen=True)
+class FigureArguments:
+    """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
+
+    Each task has its own files, in which a method keeps its colour. docs/results.md says what each shows.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path = Path("figures")
+    """Folder of the files; those of the same names are replaced."""
+    like: str | None = None
+    """"paper" draws only the paper's Figures 4, 6C and 7."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Take runs that are not finished, too."""
+    format: str = "pdf,png"
+    """File formats, comma-separated: pdf, png, svg."""
+
+
+@dataclass(frozen=True)
+class ReportArguments:
+    """Write one HTML page about runs: tables that sort, figures, every goal with its picture, options, commands.
+
+    The page needs no network and no other file: it can be sent, kept or printed as it is.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path = Path("report.html")
+    """File to write; replaced if it is there."""
+    title: str | None = None
+    """Title of the page; by default it names the tasks."""
+    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Take runs that are not finished, too."""
+    baseline: str | None = None
+    """Method that the others are compared with; by default sac, where there are runs of it."""
+
+
+@dataclass(frozen=True)
+class PublishArguments:
+    """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
+
+    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
+    the place of what it was before. A README and other files that stand in the folder are kept.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    out: Path
+    """Folder of the set, such as results/v1."""
+    allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also take runs of altered code, or of code whose commit is not known."""
+    replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also where runs of the set that is there would be lost or get other numbers."""
+
+
+@dataclass(frozen=True)
+class SubmitCheckArguments:
+    """Examine whether runs can stand beside published ones: same tasks, test episodes and options, whole and enough.
+
+    A line a property; each begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
+    little).
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    against: str | None = None
+    """Published set to compare with, by name or path, or "presets"; by default the newest that comes with curiobench,
+    or the presets where there is none."""
+
+
+@dataclass(frozen=True)
+class ProbeArguments:
+    """Show what curiosity thinks of scripted episodes: figures, numbers, and a controllability score a run.
+
+    Reads the newest checkpoints; the runs may still be training. All must be of one task and robot.
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Run folders."""
+    out: Path = Path("probe")
+    """Folder for figures and tables; files of the same names are replaced."""
+    starts: int = 20
+    """Plain starts from which each script is played."""
+    seed: int = 0
+    """Seed of the starts and of the reference play."""
+    among: Among = "random"
+    """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
+    training (only while it lasts: see --machine.keep-replay)."""
+    as_of_epoch: int | None = None
+    """Tell methods another epoch, of the paper's 500, than their checkpoint's: what would MI's growing weight of
+    conservativeness change?"""
+    method: tuple[str, ...] = ()
+    """The runs' methods that are from outside: naming them allows importing them."""
+
+
+@dataclass(frozen=True)
+class NewMethodArguments:
+    """Write a curiosity method to start from: a commented file that trains as it is."""
+
+    name: tyro.conf.Positional[str]
+    """Name of the file, without .py; the class in it has the same name in CamelCase."""
+    out: Path = Path(".")
+    """Folder of the file; a file that is there already is not replaced."""
+
+
+@dataclass(frozen=True)
+class CheckArguments:
+    """Examine whether a curiosity method keeps the benchmark's rules, a line a property.
+
+    Each line begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
+    """
+
+    method: tyro.conf.Positional[str]
+    """Method spec, such as my_pkg.curiosity:Mine or rnd."""
+
+
+def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None) -> Arguments:
+    """Read the arguments of a command.
+
+    Args:
+        kind: dataclass of the command's arguments; its docstrings are the help.
+        command: its name.
+        arguments: what follows the command.
+        default: values of what is not given.
+
+    Raises:
+        ValueError: arguments that are not understood; one line.
+        SystemExit: on `--help`, after showing it.
+    """
+    for flag, argument in pairwise(["an argument", *arguments]):
+        if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
+            raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
+    messages = io.StringIO()
+    try:
+        with redirect_stderr(messages):
+            return tyro.cli(kind, prog=f"curiobench {command}", args=list(arguments), default=default)
+    except SystemExit as exit_:
+        if not exit_.code:
+            raise
+        raise ValueError(_one_line(messages.getvalue())) from None
+
+
+def _one_line(box: str) -> str:
+    """The message in a box as tyro draws it: its first section, and the flag that it suggests."""
+    rows = re.sub(r"\x1b\[[\d;]*m", "", box).splitlines()
+    # where the output is not UTF-8 there is no box, but a headline, and a line of dashes between sections
+    framed = [row for row in rows if row.startswith("│")] or [row for row in rows if row.strip()][2:]
+    sections = re.split(r"\n[─-]+\n", "\n".join(row.strip("│ ") for row in framed))
+    message = " ".join(sections[0].split())
+    if suggested := re.search(r"Perhaps you meant:\n(\S+)", "\n".join(sections[1:])):
+        message += f"; perhaps you meant {suggested[1]}"
+    return message

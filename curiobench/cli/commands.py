@@ -1,0 +1,260 @@
+"""The commands. Each imports what it needs when it runs: `curiobench --help` needs neither torch nor MuJoCo."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, NoReturn
+
+from curiobench.cli.arguments import (
+    CheckArguments,
+    EvaluateArguments,
+    FigureArguments,
+    GridArguments,
+    ListArguments,
+    NewMethodArguments,
+    ProbeArguments,
+    PublishArguments,
+    ReportArguments,
+    SubmitCheckArguments,
+    TableArguments,
+    VideoArguments,
+    parse,
+)
+from curiobench.errors import CheckFailed, Interrupted, RunFailed, one_line
+
+
+def list_choices(_: ListArguments) -> None:
+    """Print what can be trained."""
+    from curiobench.cli.listing import listing
+
+    print(listing())
+
+
+def train(arguments: Any) -> None:
+    """Train a run."""
+    from curiobench.train import train
+
+    train(arguments.config, arguments.out, arguments.resume, ["curiobench", *sys.argv[1:]])
+
+
+def grid(arguments: GridArguments) -> None:
+    """Train a grid of runs."""
+    from curiobench.grid.run import run_grid
+
+    run_grid(arguments, ["curiobench", *sys.argv[1:]])
+
+
+def evaluate(arguments: EvaluateArguments) -> None:
+    """Test a run's agent and print its learned goals."""
+    from curiobench.evaluation import Evaluator, format_goals, format_layers
+    from curiobench.saved_agent import load_agent
+
+    config, agent = load_agent(arguments.run, {arguments.method})
+    episodes = config.episodes_per_goal if arguments.episodes is None else arguments.episodes
+    evaluation = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent)
+    if arguments.goals:
+        print(format_goals(evaluation.rows()), end="\n\n")
+    print(format_layers(evaluation.learned_by_layer()))
+
+
+def video(arguments: VideoArguments) -> None:
+    """Film a run's agent."""
+    from curiobench.saved_agent import load_agent
+    from curiobench.video import film
+
+    config, agent = load_agent(arguments.run, {arguments.method})
+    path, successes = film(
+        agent, config, arguments.goal, arguments.out, arguments.run, arguments.episodes, arguments.seed
+    )
+    print(f"{path}: {successes} of {arguments.episodes} episodes reached the goal")
+
+
+def table(arguments: TableArguments) -> None:
+    """Print tables of runs; raises ValueError, after them, that names the folders that are not in them."""
+    from curiobench.results.faults import check_named
+
+    check_named(arguments.runs)
+    from curiobench.results.table_command import show_tables
+
+    show_tables(arguments)
+
+
+def figure(arguments: FigureArguments) -> None:
+    """Draw the figures of runs; raises ValueError, after them, that names the paths that gave no run."""
+    from curiobench.results.faults import check_named, tell_faults
+
+    check_named(arguments.runs)
+    from curiobench.results.figures import draw_figures
+    from curiobench.results.frames import read_results
+    from curiobench.results.samples import LOGGED
+    from curiobench.results.style import preload
+    from curiobench.workers import cores
+
+    results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores(), preload)
+    for file in draw_figures(results, arguments.out, arguments.like, arguments.format.split(","), cores()):
+        print(file)
+    tell_faults(results, "figures")
+
+
+def report(arguments: ReportArguments) -> None:
+    """Write a report on runs; raises ValueError, after it, that names the paths that gave no run."""
+    from curiobench.results.faults import check_named, tell_faults
+
+    check_named(arguments.runs)
+    from curiobench.results.report import write_report
+    from curiobench.workers import cores
+
+    options = arguments.title, arguments.partial, arguments.baseline
+    results = write_report(arguments.runs, arguments.out, *options, cores())
+    print(arguments.out)
+    tell_faults(results, "report")
+
+
+def probe(arguments: ProbeArguments) -> None:
+    """Print controllability scores of runs, and draw their curiosity along scripted episodes."""
+    from curiobench.probe.report import probe
+
+    options = arguments.starts, arguments.seed, arguments.method, arguments.as_of_epoch, arguments.among
+    scores, notes, files = probe(arguments.runs, arguments.out, *options)
+    print("\n".join([*notes, scores, "", *map(str, files)]))
+
+
+def new_method(arguments: NewMethodArguments) -> None:
+    """Write a curiosity method to start from, and say how it is tried."""
+    from curiobench.check.new_method import write_method
+
+    path, spec = write_method(arguments.name, arguments.out)
+    print(f"{path}: trains as it is. From its folder:\n")
+    print(f"  curiobench check {spec}")
+    print(f"  curiobench train --task stack2 --method {spec} --preset smoke --out runs/{arguments.name}")
+
+
+def check(arguments: CheckArguments) -> None:
+    """Print what is found in a curiosity method; raises CheckFailed, after it, where a property fails."""
+    from curiobench.check.properties import examine
+    from curiobench.methods.plugins import file_of
+    from curiobench.methods.process import tune_process
+    from curiobench.methods.registry import parse_spec
+
+    reward = parse_spec(arguments.method).reward
+    if reward is None:
+        raise ValueError(f"{arguments.method} has no curiosity method to check")
+    tune_process()
+    findings = examine(reward)
+    _show_findings(f"{reward.__name__} in {file_of(reward)}", findings, arguments.method)
+
+
+def publish(arguments: PublishArguments) -> None:
+    """Write a published set."""
+    from curiobench.results.publish import publish
+
+    print("\n".join(publish(arguments.runs, arguments.out, arguments.allow_dirty, arguments.replace)))
+
+
+def submit_check(arguments: SubmitCheckArguments) -> None:
+    """Print what is found in a submission; raises CheckFailed, after it, where a property fails."""
+    from curiobench.results.faults import check_named
+    from curiobench.results.submit_check import submit_check
+
+    check_named(arguments.runs)
+    title, findings = submit_check(arguments.runs, arguments.against)
+    _show_findings(title, findings, "the submission")
+
+
+def _show_findings(title: str, findings: Sequence[Any], subject: str) -> None:
+    print("\n".join([title, *map(str, findings)]))
+    if failed := sum(finding.verdict == "FAIL" for finding in findings):
+        raise CheckFailed(f"{subject} fails {failed} of {len(findings)} properties")
+
+
+class Command(NamedTuple):
+    """A command."""
+
+    run: Callable[[Any], None]
+    """Carries it out."""
+    arguments: type | None
+    """Dataclass of its arguments; None for `train`, whose arguments depend on the method."""
+    summary: str
+    """What it does, for the help."""
+
+
+COMMANDS = {
+    "list": Command(list_choices, ListArguments, "tasks, robots, methods and presets"),
+    "train": Command(train, None, "train one run in a folder; it may be stopped and resumed at any time"),
+    "grid": Command(grid, GridArguments, "train tasks × methods × seeds, several runs at a time"),
+    "evaluate": Command(evaluate, EvaluateArguments, "test a run's agent on every goal"),
+    "video": Command(video, VideoArguments, "film a run's agent while it pursues a goal"),
+    "table": Command(table, TableArguments, "what methods learned, over seeds, beside the paper, or run by run"),
+    "figure": Command(
+        figure, FigureArguments, "learning curves, heat maps and comparisons of many runs, as PDF and PNG"
+    ),
+    "report": Command(report, ReportArguments, "tables, figures, goals and commands of many runs as one HTML page"),
+    "probe": Command(
+        probe,
+        ProbeArguments,
+        "curiosity of several runs along scripted episodes, and their controllability scores",
+    ),
+    "new-method": Command(new_method, NewMethodArguments, "write a curiosity method of your own to start from"),
+    "check": Command(check, CheckArguments, "examine whether a curiosity method keeps the rules"),
+    "publish": Command(publish, PublishArguments, "finished runs as one folder of rows, tables, figures and a report"),
+    "submit-check": Command(
+        submit_check, SubmitCheckArguments, "examine whether runs can stand beside the published ones"
+    ),
+}
+
+_SUMMARIES = "\n".join(f"  {name:<10} {command.summary}" for name, command in COMMANDS.items())
+USAGE = f"""usage: curiobench COMMAND [OPTIONS]
+
+Which curiosity method helps a robot arm that is rewarded only at its goal?
+
+{_SUMMARIES}
+
+`curiobench COMMAND --help` explains a command. To begin:
+
+  curiobench train --task stack2 --method sac --preset smoke --out runs/demo
+
+Exit codes: 0 done, 1 a run or check failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a checkpoint."""
+
+
+def run(words: Sequence[str]) -> None:
+    """Parse and run one command; without words show the help. Raises ValueError on bad input."""
+    name, *words = words or ["--help"]
+    if name in ("-h", "--help"):
+        print(USAGE)
+        return
+    if name not in COMMANDS:
+        raise ValueError(f"unknown command {name!r}; the commands are {', '.join(COMMANDS)}")
+    command = COMMANDS[name]
+    if command.arguments is None:
+        from curiobench.cli.train_arguments import parse_train
+
+        command.run(parse_train(words))
+    else:
+        command.run(parse(command.arguments, name, words))
+
+
+def main() -> NoReturn:
+    """Run the command in `sys.argv` and exit with a code that `USAGE` explains; errors take one line on stderr."""
+    try:
+        run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:  # as in `curiobench list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # which is flushed once more at exit
+        sys.exit(128 + signal.SIGPIPE)
+    except ValueError as error:
+        _exit(error, 2)
+    except (RunFailed, CheckFailed) as error:
+        _exit(error, 1)
+    except Interrupted as error:
+        _exit(error, 128 + error.signal_number)
+    except KeyboardInterrupt:
+        _exit("stopped at once", 130)
+    except OSError as error:  # such as a folder without the right to look into it
+        _exit(f"{error.filename}: {error.strerror}" if error.filename else error, 2)
+    sys.exit(0)
+
+
+def _exit(message: object, code: int) -> NoReturn:
+    print(f"curiobench: {one_line(message)}", file=sys.stderr)
+    sys.exit(code)

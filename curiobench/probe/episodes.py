@@ -1,0 +1,146 @@
+"""The scripted episodes of a probe, and the reference transitions among which each of their steps is scored."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from curiobench.methods.reward import Batch
+from curiobench.probe.steps import Track, push_moments, stack_moments
+from curiobench.replay import Episodes
+from curiobench.rollout import Act, play
+from curiobench.tasks.batch import BatchedStacking, Observation
+from curiobench.tasks.goals import GoalSpace
+from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.scripts import Script, push_off_table, stack_two
+from curiobench.tasks.stacking import ACTION_SIZE
+
+REFERENCE_WORLDS = 32
+"""Worlds for each half of the reference play: 3200 transitions in all, of which the set is taken."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of scripted episode, about block a."""
+
+    name: str
+    """In file names and columns."""
+    title: str
+    """In figures."""
+    script: Callable[[], Script]
+    """Makes the controller."""
+    moments: Callable[[Track], dict[str, int]]
+    """Finds the key moments of one episode."""
+    stacks: bool
+    """Whether its goal has a on b; else all blocks are apart."""
+
+    def goal(self, space: GoalSpace) -> np.ndarray:
+        """The goal (bits,) that the script pursues."""
+        bits = np.zeros(space.n_bits, np.float32)
+        if self.stacks:
+            bits[[space.pairs[0].close, space.pairs[0].on_ij]] = 1
+        return space.check(bits)
+
+
+KINDS = (
+    Kind("stack", "pick and stack", stack_two, stack_moments, stacks=True),
+    Kind("push", "push off the table", push_off_table, push_moments, stacks=False),
+)
+
+
+@dataclass(frozen=True)
+class Played:
+    """Scripted episodes of one kind, in N worlds."""
+
+    kind: Kind
+    """Of the episodes."""
+    episodes: Episodes
+    """N of them; T steps each."""
+    qpos: np.ndarray
+    """(N, T + 1, nq), for pictures…"""
+    model: mujoco.MjModel
+    """…of this model."""
+
+    @property
+    def track(self) -> Track:
+        """(N, T + 1), of block a."""
+        return Track.of(self.episodes.observation)
+
+    @property
+    def pictured(self) -> int:
+        """The episode to show: the first with the most key moments, so that a slipped grip is not the example."""
+        track = self.track
+        return int(np.argmax([len(self.kind.moments(track[n])) for n in range(len(self.qpos))]))
+
+
+def play_scripts(task: str, robot: str, starts: int, seed: int) -> list[Played]:
+    """Episodes of each kind, from the same plain starts in both.
+
+    Raises ValueError where there is no start, or where physics diverged.
+    """
+    if starts < 1:
+        raise ValueError(f"starts is {starts}; it must be at least 1")
+    source = np.random.SeedSequence(seed, spawn_key=(0,))
+    return [_play_script(kind, BatchedStacking(task, starts, robot, seed=source)) for kind in KINDS]
+
+
+def reference_transitions(task: str, robot: str, seed: int) -> Batch:
+    """The transitions among which every probed one is scored, shuffled; the same for every method.
+
+    Uniformly random actions, half of them from plain starts and half from biased ones, as training has both. There is
+    no scripted play among them: a few more or less of its lifts and falls would decide which of the two has near
+    neighbours, and with that the outcome. Raises ValueError where physics diverged.
+    """
+    sources = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(3)
+    rng = np.random.default_rng(sources.pop())
+    parts = []
+    for source, biased in zip(sources, (False, True), strict=True):
+        worlds = BatchedStacking(task, REFERENCE_WORLDS, robot, seed=source)
+        parts.append(transitions(_play_random(worlds, rng, biased)))
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = rng.permutation(len(arrays["reward"]))
+    return Batch.from_numpy({name: array[order] for name, array in arrays.items()})
+
+
+def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
+    """All N · T transitions by the names of `Batch`, raw, episode by episode."""
+    n = len(episodes.desired_goal)
+    desired = np.repeat(episodes.desired_goal, EPISODE_STEPS, axis=0).astype(np.float32)
+    before, after = (
+        [a[:, part].reshape(len(desired), -1) for a in (episodes.observation, episodes.achieved_goal)]
+        for part in (slice(None, -1), slice(1, None))
+    )
+    return {
+        "observation": before[0],
+        "action": episodes.action.reshape(len(desired), -1),
+        "next_observation": after[0],
+        "achieved_goal": before[1],
+        "next_achieved_goal": after[1],
+        "desired_goal": desired,
+        "reward": BatchedStacking.compute_reward(after[1], desired),
+        "step": np.tile(np.arange(EPISODE_STEPS), n),
+        "episode": np.repeat(np.arange(n), EPISODE_STEPS),
+        "episode_observation": np.repeat(episodes.observation, EPISODE_STEPS, axis=0),
+        "episode_achieved_goal": np.repeat(episodes.achieved_goal, EPISODE_STEPS, axis=0),
+    }
+
+
+def _play_script(kind: Kind, worlds: BatchedStacking) -> Played:
+    script, qpos = kind.script(), []
+    seen = worlds.reset(goals=kind.goal(worlds.goal_space))
+    episodes = _play(worlds, seen, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
+    return Played(kind, episodes, np.stack(qpos, axis=1), worlds.model)
+
+
+def _play_random(worlds: BatchedStacking, rng: np.random.Generator, biased: bool) -> Episodes:
+    shape = (worlds.n_worlds, ACTION_SIZE)
+    return _play(worlds, worlds.reset(biased=biased), lambda _: rng.uniform(-1, 1, shape))
+
+
+def _play(worlds: BatchedStacking, seen: Observation, act: Act, watch: Callable[[], object] = lambda: None) -> Episodes:
+    """`play`, which raises ValueError where physics diverged."""
+    episodes, intact, _ = play(worlds, seen, lambda now: act(now).astype(np.float32), watch)
+    if not intact.all():
+        raise ValueError("the physics of a probed episode diverged; choose another seed")
+    return episodes

@@ -1,0 +1,158 @@
+"""Probing runs from beginning to end: play, read, write numbers and scores, draw."""
+
+import csv
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from curiobench.display import align
+from curiobench.files import writing_to
+from curiobench.methods.intrinsic_value import MEMBERS
+from curiobench.methods.reward import Batch
+from curiobench.methods.specs import shown
+from curiobench.probe import Among
+from curiobench.probe.episodes import Played, play_scripts, reference_transitions
+from curiobench.probe.figures import draw_q_int, draw_rewards
+from curiobench.probe.scores import (
+    ProbedRun,
+    Reading,
+    Score,
+    controllability,
+    open_runs,
+    own_transitions,
+    read,
+)
+from curiobench.probe.steps import falling, lifting
+
+
+def probe(
+    paths: Sequence[Path],
+    out: Path,
+    starts: int,
+    seed: int,
+    trusted: Collection[str] = (),
+    as_of_epoch: int | None = None,
+    among: Among = "random",
+) -> tuple[str, list[str], list[Path]]:
+    """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
+
+    Args:
+        paths: run folders.
+        out: folder for the files; created if it does not exist.
+        starts: plain starts from which each script is played, at least 1.
+        seed: of the starts and of the reference play.
+        trusted: methods from outside that may be imported.
+        as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
+        among: what a probed transition is scored among.
+
+    Returns:
+        The table of scores, a line on each run that was left out, and the files.
+
+    Raises ValueError where runs cannot be read or compared, or have no replay, or the folder cannot be written.
+    """
+    runs, notes = open_runs(paths, trusted, as_of_epoch)
+    played = play_scripts(runs[0].config.task, runs[0].config.robot, starts, seed)
+    pairs = list(zip(runs, _references(runs, seed, among), strict=True))
+    readings = [[read(run, episodes, reference) for run, reference in pairs] for episodes in played]
+    scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
+    with writing_to(out):
+        out.mkdir(parents=True, exist_ok=True)
+        files = [
+            _write(out / "scores.csv", [_score_row(*pair, among) for pair in zip(runs, scores, strict=True)]),
+            _write(out / "numbers.csv", list(_number_rows(runs, readings, played))),
+            *draw(runs, readings, played, seed, out, among),
+        ]
+    return format_scores(runs, scores), notes, files
+
+
+def _references(runs: Sequence[ProbedRun], seed: int, among: Among) -> list[Batch]:
+    """The transitions that each run's steps are scored among."""
+    if among == "replay":
+        return [own_transitions(run, seed) for run in runs]
+    return [reference_transitions(runs[0].config.task, runs[0].config.robot, seed)] * len(runs)
+
+
+def draw(
+    runs: Sequence[ProbedRun],
+    readings: Sequence[Sequence[Reading]],
+    played: Sequence[Played],
+    seed: int,
+    out: Path,
+    among: Among = "random",
+) -> list[Path]:
+    """Draw all figures; that of Q_int only if a run has it."""
+    files = []
+    for of_kind, episodes in zip(readings, played, strict=True):
+        files += draw_rewards(runs, of_kind, episodes, seed, out / f"rewards_{episodes.kind.name}", among)
+    hybrid = [number for number, reading in enumerate(readings[0]) if reading.q_int]
+    if hybrid:
+        of_hybrid = [[of_kind[number] for number in hybrid] for of_kind in readings]
+        files += draw_q_int([runs[number] for number in hybrid], of_hybrid, played, out / "q_int")
+    return files
+
+
+def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
+    """A line a run, the highest score first."""
+    lines = [
+        [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.mean)),
+         f"{s.low:+.2f} to {s.high:+.2f}", str(s.starts)]
+        for run, s in sorted(zip(runs, scores, strict=True), key=lambda pair: -pair[1].mean)
+    ]  # fmt: skip
+    return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
+
+
+def _score_row(run: ProbedRun, score: Score, among: Among) -> dict[str, Any]:
+    return {
+        "method": shown(run.config.method),
+        "run": str(run.path),
+        "epoch": run.epoch,
+        "among": among,
+        "lifting": score.lifting,
+        "falling": score.falling,
+        "controllability": score.mean,
+        "low": score.low,
+        "high": score.high,
+        "starts": score.starts,
+    }
+
+
+def _number_rows(
+    runs: Sequence[ProbedRun], readings: Sequence[Sequence[Reading]], played: Sequence[Played]
+) -> Iterator[dict[str, Any]]:
+    """A row for each step of each episode of each run."""
+    for of_kind, episodes in zip(readings, played, strict=True):
+        steps = list(_step_rows(episodes))
+        for run, reading in zip(runs, of_kind, strict=True):
+            for row in steps:
+                at = row["start"], row["step"] - 1
+                values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
+                values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
+                           for name in MEMBERS}  # fmt: skip
+                yield {"method": shown(run.config.method), "run": str(run.path), "epoch": run.epoch} | row | values
+
+
+def _step_rows(played: Played) -> Iterator[dict[str, Any]]:
+    """What the steps of the episodes are, whatever the run."""
+    track = played.track
+    lifts, falls = lifting(track), falling(track)
+    for start, heights in enumerate(track.block[:, 1:, 2]):
+        moments = {state: name for name, state in played.kind.moments(track[start]).items()}
+        for step, height in enumerate(heights, start=1):
+            yield {
+                "episode": played.kind.name,
+                "start": start,
+                "pictured": int(start == played.pictured),
+                "step": step,
+                "block_height": height,
+                "lifting": int(lifts[start, step - 1]),
+                "falling": int(falls[start, step - 1]),
+                "moment": moments.get(step, ""),
+            }
+
+
+def _write(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return path

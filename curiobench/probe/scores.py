@@ -1,0 +1,219 @@
+"""Intrinsic reward and Q_int along scripted episodes, and a controllability score.
+
+The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from curiobench.methods.capture import StaticBatch
+from curiobench.methods.guard import MethodError
+from curiobench.methods.hybrid import EXPLORE, HybridAgent
+from curiobench.methods.intrinsic_value import MEMBERS
+from curiobench.methods.networks import squashed_gaussian
+from curiobench.methods.pairs import PairInputs
+from curiobench.methods.reward import Batch, Transitions
+from curiobench.methods.sac import SAC
+from curiobench.methods.specs import shown
+from curiobench.probe.episodes import Played, transitions
+from curiobench.probe.steps import falling, lifting
+from curiobench.saved_agent import SavedRun, load_saved
+
+LARGEST_BATCH = 512
+"""Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
+RESAMPLES = 10_000
+"""Bootstrap resamples of the starts."""
+
+
+@dataclass(frozen=True)
+class ProbedRun(SavedRun):
+    """A run with an intrinsic reward, at its newest checkpoint."""
+
+    label: str
+    """The method's spec, with the folder's name where several runs share it."""
+    as_of_epoch: int | None = None
+    """Epoch that the method is given, of the paper's 500; None for the checkpoint's. Decides MI's lambda."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Rewards and values of N episodes of T steps of one kind; all (N, T)."""
+
+    raw: np.ndarray
+    """r_int."""
+    normalised: np.ndarray
+    """Its z-score by the mean and standard deviation of every r_int that the run has learned from, clipped to ±5."""
+    q_int: dict[str, np.ndarray]
+    """Q_int of state and action, "popart" and "zscore"; empty without the hybrid mechanism."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Mean normalised reward of controlled lifting less that of falling, in standard deviations of the reward."""
+
+    mean: float
+    """Over the starts that have both kinds of steps."""
+    low: float
+    """Lower end of the 95 % bootstrap interval over starts."""
+    high: float
+    """Upper end."""
+    lifting: float
+    """Mean over lifting steps."""
+    falling: float
+    """Mean over falling steps."""
+    starts: int
+    """How many starts have both kinds of steps."""
+
+
+def open_runs(
+    paths: Sequence[Path], trusted: Collection[str] = (), as_of_epoch: int | None = None
+) -> tuple[list[ProbedRun], list[str]]:
+    """Load runs to compare.
+
+    Args:
+        paths: run folders.
+        trusted: methods from outside that may be imported.
+        as_of_epoch: epoch that the methods are given, at least 0; that of each checkpoint if None.
+
+    Returns:
+        Runs with an intrinsic reward, and notes for the user, a line each.
+
+    Raises ValueError where a folder is no run's, has no checkpoint, or is named twice, where tasks or robots differ,
+    or where nothing is left.
+    """
+    if as_of_epoch is not None and as_of_epoch < 0:
+        raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
+    if not paths:
+        raise ValueError("name at least one run folder")
+    if len({path.resolve() for path in paths}) < len(paths):
+        raise ValueError("a run folder is named twice")
+    saved = [load_saved(path, trusted) for path in paths]
+    first = saved[0].config
+    for run in saved:
+        if (run.config.task, run.config.robot) != (first.task, first.robot):
+            here, there = (f"{c.task} with the {c.robot}" for c in (run.config, first))
+            raise ValueError(f"{run.path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
+    curious = [run for run in saved if run.agent.curiosity is not None]
+    notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
+    if not curious:
+        raise ValueError("; ".join(notes))
+    specs = [shown(run.config.method) for run in curious]
+    labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
+    if as_of_epoch is not None:
+        notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
+    return [
+        ProbedRun(**vars(run), label=label, as_of_epoch=as_of_epoch) for run, label in zip(curious, labels, strict=True)
+    ], notes
+
+
+def own_transitions(run: ProbedRun, seed: int) -> Batch:
+    """Transitions and particles of a run's own replay, drawn as its last batches were; one transition fewer.
+
+    Raises ValueError where the replay is gone or damaged.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    wanted = run.agent.n_particles, run.agent.uses_episode
+    return Batch.from_numpy(run.load_replay().sample(others(run), generator, *wanted))
+
+
+def others(run: ProbedRun) -> int:
+    """How many reference transitions a probed one is scored among."""
+    return min(run.config.batch_size, LARGEST_BATCH) - 1
+
+
+@torch.no_grad()
+def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
+    """Intrinsic rewards and Q_int of scripted episodes.
+
+    Args:
+        run: has the agent.
+        played: N episodes.
+        reference: at least `others(run)` transitions and, unless it holds particles, `run.agent.n_particles`.
+
+    Raises:
+        ValueError: the method raised, or its reward is faulty; names the method and its file.
+    """
+    probed = transitions(played.episodes)
+    shape = played.episodes.action.shape[:2]
+    try:
+        raw = score_one_by_one(run, Batch.from_numpy(probed), reference)
+    except MethodError as error:
+        raise ValueError(f"{run.path}: {error}") from None
+    normalised = run.agent.curiosity.moments.normalise(raw)
+    q_int = {}
+    if isinstance(run.agent, HybridAgent):
+        values = run.agent.q_int(probed["observation"], probed["action"])
+        q_int = {name: values[name].reshape(shape) for name in MEMBERS}
+    return Reading(raw.numpy().reshape(shape), normalised.numpy().reshape(shape), q_int)
+
+
+def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.Tensor:
+    """r_int (B,), raw, of probed transitions, each scored in a batch of its own with the same reference transitions.
+
+    A method from outside may compare a transition with others of its batch. Scored together, the steps of an episode
+    would be compared with each other, and a reward would depend on how long the block rests afterwards.
+    """
+    n, size, n_particles = len(probed.reward), others(run), run.agent.n_particles
+    parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name != "particles"}
+    together = Batch(
+        **{name: torch.cat(both)[: n + size] for name, both in parts.items() if all(part is not None for part in both)}
+    )
+    if n_particles:
+        states = reference.next_observation[-n_particles:] if reference.particles is None else reference.particles
+        together = replace(together, particles=states)
+    epoch = run.config.paper_epoch(run.epoch) if run.as_of_epoch is None else run.as_of_epoch
+    seen = what_method_sees(run.agent, together, epoch)
+    rest = torch.arange(n, n + size)
+    batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
+    return torch.stack([run.agent.curiosity.reward(batch)[0] for batch in batches])
+
+
+def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
+    """Raw transitions as the agent shows them to its method in training: states by its own normalisers, which stay."""
+    static = StaticBatch(agent.layout, len(batch.reward), agent.device)
+    static.load(batch)
+    inputs, next_inputs = agent.encoder.encode_rows(static.rows)
+    policy = _policy(agent, inputs) if agent.curiosity.method.uses_policy else (None, None)
+    return agent.transitions(static, (inputs.state, next_inputs.state), epoch, *policy)
+
+
+def _policy(agent: SAC, inputs: PairInputs) -> tuple[tuple[torch.Tensor, torch.Tensor], ...]:
+    """Distribution and sample of the policy that explores; the sample does not touch the agent's generator."""
+    distribution = agent.actor(inputs)
+    if isinstance(agent, HybridAgent):
+        distribution = tuple(part[EXPLORE] for part in distribution)
+    noise = torch.randn(distribution[0].shape, generator=torch.Generator().manual_seed(0))
+    return distribution, squashed_gaussian(*distribution, noise)
+
+
+def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:
+    """The score of a run, from its readings of both kinds of episodes, which have the same N starts.
+
+    A start's score is the mean over its lifting steps less the mean over its falling steps, in whichever episode they
+    happen. Raises ValueError where no start has both.
+    """
+    normalised = np.concatenate([reading.normalised for reading in readings], axis=1)
+    lifts, falls = (np.concatenate([find(p.track) for p in played], axis=1) for find in (lifting, falling))
+    return score(normalised, lifts, falls, seed)
+
+
+def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> Score:
+    """The score from normalised rewards, and which steps are lifting and falling, all (N, S).
+
+    The bootstrap resamples starts, so that its interval says how much the choice of starts matters, and no more.
+    """
+    both = lifts.any(axis=1) & falls.any(axis=1)
+    if not both.any():
+        raise ValueError("no start has both a lifting and a falling step; take more starts")
+    of_lifts, of_falls = (
+        np.average(normalised[both], axis=1, weights=steps[both].astype(float)) for steps in (lifts, falls)
+    )
+    differences = of_lifts - of_falls
+    drawn = np.random.default_rng(seed).integers(len(differences), size=(RESAMPLES, len(differences)))
+    low, high = np.percentile(differences[drawn].mean(axis=1), (2.5, 97.5))
+    means = (float(x) for x in (differences.mean(), low, high, of_lifts.mean(), of_falls.mean()))
+    return Score(*means, len(differences))

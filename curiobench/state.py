@@ -1,0 +1,315 @@
+"""Everything that training changes: worlds, agent, replay, random streams and counters; saved and restored together."""
+
+import os
+import platform
+import resource
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from curiobench.config import RunConfig
+from curiobench.curriculum import CURRICULA
+from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
+from curiobench.files import now
+from curiobench.methods.curriculum import Curriculum, Goals, Situation
+from curiobench.methods.guard import blamed, goals_drawn
+from curiobench.methods.pairs import PairLayout
+from curiobench.methods.registry import make_agent, parse_spec
+from curiobench.methods.reward import Batch
+from curiobench.methods.sac import SAC, NonFiniteError
+from curiobench.replay import EpisodeReplay, Episodes
+from curiobench.rollout import collect, successes
+from curiobench.tasks import BatchedStacking
+from curiobench.tasks.goals import GoalSpace
+from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
+from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.stacking import ACTION_SIZE
+
+STREAMS = ("worlds", "goals", "replay", "agent")
+"""Random streams of a run, spawned from its seed by position: append only, or every run changes."""
+
+PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
+"""Parts of a run's wall-clock time."""
+WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PARTS))
+"""Columns of progress.csv that may differ between two runs of one config; they come last."""
+
+
+@dataclass
+class Counters:
+    """Progress of training, and the sums behind the next row of progress.csv. Plain values only."""
+
+    epoch: int = 0
+    """Epochs completed."""
+    cycle: int = 0
+    """Cycles completed of the present epoch."""
+    steps: int = 0
+    """Steps collected, in all worlds together."""
+    updates: int = 0
+    """Gradient updates made."""
+    sums: dict[str, float] = field(default_factory=dict)
+    """Sums over the present epoch of what `collect` counts; by name."""
+    metrics: dict[str, float] = field(default_factory=dict)
+    """Sums over the present epoch's cycles of the means of the agent's metrics; by name."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall-clock seconds since training began, by part."""
+
+    peak_memory_mb: float = 0.0
+    """Largest memory of any of the run's processes, as last noted."""
+
+    def note_memory(self) -> float:
+        """Update `peak_memory_mb` by this process, and return it."""
+        self.peak_memory_mb = max(self.peak_memory_mb, _peak_memory_mb())
+        return self.peak_memory_mb
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """Count the time that a block of code takes under `part`."""
+        started = time.perf_counter()
+        yield
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - started
+
+
+def _peak_memory_mb() -> float:
+    """Largest resident memory of this process so far, in MB."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    for line in lines:
+        if line.startswith("VmHWM:"):  # the resource module would also count the process that started this one
+            return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024**2 if sys.platform == "darwin" else 1024)
+
+
+def pair_layout(goal_space: GoalSpace) -> PairLayout:
+    """Where the networks find blocks and predicate bits of a task."""
+    pairs = tuple((p.i, p.j, p.close, p.on_ij, p.on_ji) for p in goal_space.pairs)
+    return PairLayout(goal_space.n_blocks, pairs, BODY_SIZE, BLOCK_SIZE, ACTION_SIZE)
+
+
+def check_device(device: str) -> None:
+    """Raises ValueError where this machine does not have a device."""
+    name, _, number = device.partition(":")
+    if name == "cuda" and int(number or 0) >= torch.cuda.device_count():
+        raise ValueError(
+            f"device {device!r} is not available: torch finds {torch.cuda.device_count()} CUDA devices here"
+        )
+
+
+def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> SAC:
+    """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
+    check_device(config.device)
+    generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
+    layout = pair_layout(goal_space)
+    return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
+
+
+def goals_of(goal_space: GoalSpace) -> Goals:
+    """What curricula and relabellings see of a task's goals."""
+    pairs = np.array([(p.close, p.on_ij, p.on_ji) for p in goal_space.pairs])
+    return Goals(goal_space.goals.astype(np.uint8), goal_space.layers, pairs)
+
+
+def build_curriculum(config: RunConfig, goal_space: GoalSpace) -> Curriculum:
+    """The method's own curriculum, or that of the config."""
+    own = parse_spec(config.method).curriculum
+    return (own or CURRICULA[config.curriculum])(goals_of(goal_space), config.method_config if own else None)
+
+
+def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
+    """The empty replay of a config, memory-mapped in a folder if one is given."""
+    own = parse_spec(config.method).relabelling
+    return EpisodeReplay(
+        config.replay,
+        valid_goals=goal_space.goals,
+        compute_reward=BatchedStacking.compute_reward,
+        steps=EPISODE_STEPS,
+        observation_size=pair_layout(goal_space).observation_size,
+        action_size=ACTION_SIZE,
+        on_bits=goal_space.on_bits,
+        folder=folder,
+        relabelling=own and own(goals_of(goal_space), config.method_config),
+    )
+
+
+class TrainingState:
+    """A run in progress.
+
+    Attributes:
+        agent: learns and acts.
+        replay: the episodes it learns from.
+        curriculum: draws the goals that episodes pursue.
+        counters: progress and sums.
+        reached: `(G,)` bool, the valid goals that an episode has ever ended in.
+    """
+
+    def __init__(self, config: RunConfig, mapped_replay: Path) -> None:
+        """
+        Args:
+            config: of the run.
+            mapped_replay: folder for the memory-mapped replay, if the config asks for one.
+        """
+        self.config, self.counters = config, Counters()
+        streams = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
+        self._generators = {name: np.random.default_rng(streams[name]) for name in ("goals", "replay")}
+        self._worlds = BatchedStacking(
+            config.task, config.worlds, config.robot, config.machine.threads, streams["worlds"]
+        )
+        self._goal_space = self._worlds.goal_space
+        self.reached = np.zeros(len(self._goal_space), bool)
+        self.agent = build_agent(config, self._goal_space, streams["agent"])
+        self.replay = build_replay(config, self._goal_space, mapped_replay if config.machine.replay_on_disk else None)
+        self.curriculum = build_curriculum(config, self._goal_space)
+        self.replay.goal_weights = self.curriculum.replay_weights()
+
+    def collect(self) -> None:
+        """One episode in every world, into the replay, the normalisers and the set of reached goals."""
+        size, valid = self.config.worlds, self._goal_space.goals
+        biased = self.config.starts == "biased" and self.counters.epoch >= self.config.biased_from_epoch
+        with self.counters.timed("collecting"):
+            start = self._worlds.reset(biased=biased, goals=np.broadcast_to(valid[0], (size, valid.shape[1])))
+            situation = Situation(self.reached.copy(), start.achieved_goal)
+            goals, tested = goals_drawn(self.curriculum, situation, self._generators["goals"])
+            episodes, whole = collect(self._worlds, self.agent, valid[goals], tested)
+            self.replay.add(episodes)
+            desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
+            self.agent.observe(episodes.observation, episodes.achieved_goal, desired, episodes.action)
+        ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
+        with blamed(self.curriculum, "observe"):
+            self.curriculum.observe(goals[whole], ends, tested[whole])
+        self.reached[ends[ends >= 0]] = True
+        self.counters.steps += size * EPISODE_STEPS
+        self._count(episodes)
+
+    def _count(self, episodes: Episodes) -> None:
+        success, satisfied = successes(episodes)
+        for name, number in (
+            ("episodes", self.config.worlds),
+            ("diverged", self.config.worlds - len(success)),
+            ("success", success.sum()),
+            ("unsatisfied", (~satisfied).sum()),
+            ("success_unsatisfied", success[~satisfied].sum()),
+        ):
+            self.counters.sums[name] = self.counters.sums.get(name, 0) + int(number)
+
+    def learn(self) -> None:
+        """The gradient updates of a cycle. Raises NonFiniteError where a loss or a metric is NaN or infinite."""
+        epoch = self.config.paper_epoch(self.counters.epoch, self.counters.cycle)
+        totals: dict[str, torch.Tensor] = {}
+        counts: Counter[str] = Counter()
+        for _ in range(self.config.updates):
+            with self.counters.timed("sampling"):
+                batch = Batch.from_numpy(self._sample())
+            with self.counters.timed("updating"):
+                metrics = self.agent.update(batch, epoch)
+                # summed as tensors: reading each one would make a GPU wait
+                totals |= {name: value + totals.get(name, 0) for name, value in metrics.items()}
+                counts.update(metrics.keys())
+        for name, total in totals.items():
+            if not torch.isfinite(total):
+                raise NonFiniteError(f"updates {self.counters.updates} and following: {name} is {float(total)}")
+            self.counters.metrics[name] = self.counters.metrics.get(name, 0.0) + float(total) / counts[name]
+        self.counters.updates += self.config.updates
+
+    def _sample(self) -> dict[str, np.ndarray | None]:
+        """A batch, and what else the curiosity method asks for."""
+        agent, size = self.agent, self.config.batch_size
+        return self.replay.sample(size, self._generators["replay"], agent.n_particles, agent.uses_episode)
+
+    def end_epoch(self) -> None:
+        """Count an epoch and start the sums of the next."""
+        with blamed(self.curriculum, "end_epoch"):
+            self.curriculum.end_epoch()
+        self.replay.goal_weights = self.curriculum.replay_weights()
+        self.counters.epoch += 1
+        self.counters.cycle = 0
+        self.counters.sums.clear()
+        self.counters.metrics.clear()
+
+    def save(self, folder: Path) -> dict[str, Any]:
+        """All but the agent: the replay's new episodes go to `folder`, the rest is returned as plain values for JSON.
+
+        The worlds' positions are not kept: a checkpoint is taken between episodes, and `collect` begins with a reset.
+        """
+        return {
+            "replay": self.replay.save(folder),
+            "counters": asdict(self.counters),
+            "reached": self.reached.tolist(),
+            "curriculum": self.curriculum.state_dict(),
+            "worlds": {"rng": self._worlds.rng.bit_generator.state, "divergences": self._worlds.divergences},
+            "generators": {name: g.bit_generator.state for name, g in self._generators.items()},
+        }
+
+    def load(self, folder: Path, agent: dict[str, Any], values: dict[str, Any]) -> None:
+        """Restore the agent's `state_dict` and what `save` returned.
+
+        Raises KeyError, TypeError, ValueError, RuntimeError or OSError where they are damaged or of another run.
+        """
+        self.counters = Counters(**values["counters"])
+        self.reached[:] = values["reached"]
+        self.curriculum.load_state_dict(values["curriculum"])
+        self.replay.goal_weights = self.curriculum.replay_weights()
+        self._worlds.rng.bit_generator.state = values["worlds"]["rng"]
+        self._worlds.divergences = values["worlds"]["divergences"]
+        for name, generator in self._generators.items():
+            generator.bit_generator.state = values["generators"][name]
+        self.agent.load_state_dict(agent)
+        self.replay.load(folder, values["replay"])
+
+
+def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[str, Any]:
+    """A row of progress.csv about the epoch that ends now; a value is None where nothing was measured."""
+    counters, sums = state.counters, state.counters.sums
+    row = {
+        "epoch": counters.epoch + 1,
+        "steps": counters.steps,
+        "updates": counters.updates,
+        "episodes": sums["episodes"],
+        "diverged": sums["diverged"],
+        "training_success": _share(sums["success"], sums["episodes"]),
+        "training_success_unsatisfied": _share(sums["success_unsatisfied"], sums["unsatisfied"]),
+        "goals_reached": int(state.reached.sum()),
+        "goals_learned": None if evaluation is None else int(evaluation.learned.sum()),
+        "success": None if evaluation is None else float(evaluation.success_rates.mean()),
+    }
+    row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
+    row |= {name: value for name, value in state.curriculum.metrics().items() if name not in row}
+    seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
+    return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
+
+
+def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The content of result.json: a summary of the last evaluation, from the rows of evaluations.csv, and the cost."""
+    last = last_evaluation(rows)
+    layers = learned_by_layer(last)
+    return {
+        "epochs": state.counters.epoch,
+        "steps": state.counters.steps,
+        "updates": state.counters.updates,
+        "goals": len(last),
+        "goals_learned": sum(learned for learned, _ in layers.values()),
+        "learned_by_layer": {str(layer): {"learned": n, "goals": total} for layer, (n, total) in layers.items()},
+        "success": sum(float(row["success"]) for row in last) / len(last),
+        "seconds": sum(state.counters.seconds.values()),
+        "peak_memory_mb": round(state.counters.note_memory()),
+        "machine": machine(),
+        "finished": now(),
+    }
+
+
+def machine() -> str:
+    """Processor model and number of cores."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores"
+
+
+def _share(part: float, total: float) -> float | None:
+    return part / total if total else None

@@ -1,0 +1,161 @@
+"""The command line as a user meets it: exit codes, one line an error, help without heavy imports."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from curiobench.methods.registry import REWARDS
+
+
+def run(*arguments):
+    """Exit code, stdout and stderr of a command in a process of its own."""
+    command = [sys.executable, "-m", "curiobench", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("command", ["", "train", "grid", "table", "report"])
+def test_help_imports_neither_torch_nor_mujoco(command):
+    arguments = ["curiobench", *command.split(), "--help"]
+    program = (
+        f"import sys; from curiobench.cli import main; sys.argv = {arguments}\n"
+        "try: main()\nexcept SystemExit as e: code = e.code\n"
+        "print(code, sorted({'torch', 'mujoco', 'matplotlib', 'pandas', 'ray', 'yaml'} & set(sys.modules)))"
+    )
+    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert output.endswith("0 []\n")
+    assert "usage: curiobench" in output
+
+
+def test_a_reader_that_goes_away_gets_no_traceback():
+    """As `curiobench list | head -1`."""
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-m", "curiobench", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait() == 141
+
+
+def test_help_of_a_command_shows_every_field_with_the_presets_defaults(cli):
+    code, out, err = cli("train", "--preset", "smoke", "--help")
+    assert (code, err) == (0, "")
+    text = re.sub(r"[\s│]+", " ", out)
+    for words in (
+        "Seed of all random streams",
+        "--sac.gamma",
+        "Discount factor",
+        "(default: 0.95)",
+        "--machine.threads",
+    ):
+        assert words in text
+
+
+def test_list_shows_all_that_can_be_trained(cli):
+    code, out, _ = cli("list")
+    assert code == 0
+    for word in ("stack2", "35 goals", "gripper", "sac", "paper", "laptop", "smoke"):
+        assert word in out
+    lines = dict(line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  "))
+    for name, method in REWARDS.items():
+        assert lines[name] == f"{method.idea} ({method.paper})"
+        assert lines[f"{name}+hm"] == f"{name} under the hybrid policy mechanism (Han et al. 2023)"
+    assert lines["mihm"] == lines["mi+hm"]
+    assert "(Haarnoja et al. 2018)" in lines["sac"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["trian"], "unknown command 'trian'"),
+        (["train", "--task", "stack9", "--out", "/tmp/none"], "unknown task 'stack9'"),
+        (["train", "--worlds", "-3", "--out", "/tmp/none"], "worlds is -3"),
+        (["train", "--preset", "smoke", "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
+        (["evaluate", "/tmp/none"], "/tmp/none is no run folder: it does not exist"),
+        (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none is no run folder"),
+        (["table", "/tmp/none"], "not in the table: /tmp/none"),
+        (["table"], "name at least one run folder"),
+        (["table", "x", "--format", "html"], "invalid choice 'html'"),
+        (["table", "x", "--formt", "html"], "Unrecognized options: --formt, html; perhaps you meant --format"),
+    ],
+)
+def test_bad_input_takes_one_line_and_exit_code_2(cli, arguments, message):
+    code, out, err = cli(*arguments)
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"curiobench: [^\n]+\n", err)
+    assert message in err
+
+
+def test_evaluate_and_table_of_a_run(cli, finished):
+    code, out, err = cli("evaluate", finished, "--goals", "--episodes", "1")
+    assert (code, err) == (0, "")
+    assert out.splitlines()[-1].split()[0] == "total"
+    assert "a on b" in out
+    code, out, err = cli("table", finished, "/tmp/none")
+    assert code == 2
+    assert out.startswith("stack2: learned goals\n")
+    assert err == "curiobench: not in the table: /tmp/none is no run folder: it does not exist\n"
+    code, out, err = cli("table", finished)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[-1].split()[:5] == ["finished", "stack2", "sac", "0", "3"]
+
+
+FLAGS = shlex.split(
+    "--task stack2 --preset smoke --epochs 3 --cycles 2 --worlds 4 --updates 2 --batch-size 16 "
+    "--evaluate-every 2 --episodes-per-goal 2 --replay.capacity 18 --sac.hidden 8 --sac.gamma 0.98 "
+    "--sac.temperature 0.2"
+)
+
+
+def test_train_from_the_command_line(finished, tmp_path):
+    code, out, err = run("train", *FLAGS, "--out", tmp_path / "run")
+    assert (code, err) == (0, "")
+    assert str(tmp_path / "run" / "learning_curve.png") in out
+    assert (tmp_path / "run" / "evaluations.csv").read_text() == (finished / "evaluations.csv").read_text()
+    code, out, err = run("train", "--out", tmp_path / "run", "--resume")
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"curiobench: .*already finished[^\n]*\n", err)
+
+
+@pytest.mark.slow
+def test_ctrl_c_checkpoints_and_resumes(tmp_path):
+    command = [sys.executable, "-m", "curiobench", "train", *FLAGS, "--epochs", "2000", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.readline()
+        os.kill(process.pid, 2)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert re.fullmatch(r"curiobench: stopped in epoch \d+ after a checkpoint; continue .* with --resume\n", err)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+def test_video(finished, tmp_path, suffix):
+    out = tmp_path / f"film.{suffix}"
+    code, text, _ = run("video", finished, "--goal", "a on b", "--episodes", "1", "--out", out)
+    assert code == 0
+    assert text.startswith(f"{out}: ")
+    assert out.stat().st_size > 5_000
+
+
+def test_a_path_too_long_and_a_closed_folder_take_one_line(cli, tmp_path, monkeypatch):
+    for command in ("table", "submit-check"):
+        code, _, err = cli(command, "a" * 300)
+        assert (code in (1, 2), err.count("\n"), "Traceback" in err) == (True, 1, False)
+
+    def closed(self):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "is_dir", closed)
+    code, _, err = cli("report", tmp_path, "--out", tmp_path / "report.html")
+    assert (code, err) == (2, f"curiobench: {tmp_path / 'report.html'}: Permission denied\n")
+
+
+def test_a_message_is_one_line_that_a_terminal_does_not_obey(cli):
+    code, _, err = cli("no\nsuch\x1b[31m")
+    assert (code, err.count("\n"), "\x1b" in err) == (2, 1, False)

@@ -1,0 +1,32 @@
+"""A finished run, made once, and the command line in this process."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Path:
+    """Folder of a finished run of TINY; not to be altered."""
+    from tiny_runs import TINY  # needs torch, which many tests do not
+
+    from curiobench.train import train
+
+    path = tmp_path_factory.mktemp("runs") / "finished"
+    train(TINY, path)
+    return path
+
+
+@pytest.fixture
+def cli(monkeypatch, capsys):
+    """Runs a command in this process; gives exit code, stdout and stderr."""
+    from curiobench.cli import main
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    return call

@@ -1,0 +1,153 @@
+"""The run folder: who may use it, and what it keeps."""
+
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+
+import pytest
+import tiny_runs
+from tiny_runs import TINY
+
+from curiobench.config import CONFIG_VERSION
+from curiobench.files import read_json, replace_file
+from curiobench.run_folder import RunFolder, read_config, read_record, read_rows
+
+
+def test_keeps_config_versions_and_command(tmp_path):
+    with RunFolder(tmp_path / "a" / "b", TINY, resume=False, command=["curiobench", "train"]) as folder:
+        record = read_record(folder.path)
+    assert read_config(folder.path) == TINY
+    assert record["command"] == ["curiobench", "train"]
+    assert record["versions"].keys() >= {"python", "mujoco", "dm_control", "torch", "numpy", "curiobench", "git_commit"}
+
+
+def test_is_used_by_one_process_at_a_time(tmp_path):
+    with (
+        RunFolder(tmp_path, TINY, resume=False),
+        pytest.raises(ValueError, match=f"already running, in process {os.getpid()}"),
+    ):
+        RunFolder(tmp_path, TINY, resume=True)
+    RunFolder(tmp_path, TINY, resume=True).close()
+
+
+def test_a_grid_that_looks_does_not_keep_a_run_from_starting(tmp_path):
+    RunFolder(tmp_path, TINY, resume=False).close()
+    with open(tmp_path / ".lock") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        threading.Timer(0.02, fcntl.flock, (file, fcntl.LOCK_UN)).start()
+        RunFolder(tmp_path, TINY, resume=True).close()
+
+
+def test_a_killed_process_leaves_no_lock(tmp_path):
+    program = (
+        "import sys, time; sys.path.insert(0, sys.argv[2]); from pathlib import Path; from tiny_runs import TINY;"
+        "from curiobench.run_folder import RunFolder; f = RunFolder(Path(sys.argv[1]), TINY, False);"
+        "print('locked', flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path), os.path.dirname(tiny_runs.__file__)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "locked\n"
+        with pytest.raises(ValueError, match=f"already running, in process {process.pid}"):
+            RunFolder(tmp_path, TINY, resume=True)
+        process.send_signal(signal.SIGKILL)
+    RunFolder(tmp_path, TINY, resume=True).close()
+
+
+def test_says_what_is_there_already(finished, tmp_path):
+    RunFolder(tmp_path, TINY, resume=False).close()
+    with pytest.raises(ValueError, match="exists; use --resume"):
+        RunFolder(tmp_path, TINY, resume=False)
+    with pytest.raises(ValueError, match="another config: epochs is 3, not 2"):
+        RunFolder(tmp_path, replace(TINY, epochs=2), resume=True)
+    for resume in (False, True):
+        with pytest.raises(ValueError, match="already finished"):
+            RunFolder(finished, TINY, resume)
+
+
+def test_touches_nothing_foreign(tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(ValueError, match=r"no run folder: it holds 'thesis.tex'"):
+        RunFolder(tmp_path, TINY, resume=True)
+    with pytest.raises(ValueError, match=r"cannot write to .*thesis.tex/run"):
+        RunFolder(tmp_path / "thesis.tex" / "run", TINY, resume=False)
+
+
+def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path):
+    (tmp_path / ".lock").touch()
+    (tmp_path / "config.json.partial").write_text("{")
+    RunFolder(tmp_path, TINY, resume=False).close()
+    assert read_config(tmp_path) == TINY
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_rights(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(ValueError, match=r"cannot write to .*Permission denied"):
+        RunFolder(tmp_path / "run", TINY, resume=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "cannot read"),
+        ("[]", "JSON object"),
+        ("\udcff", "cannot read"),
+        ("{}", "not a run's"),
+        (json.dumps({"format": "curiobench run"}), "version None"),
+        (json.dumps({"format": "curiobench run", "config_version": 0, "config": {}}), "version 0"),
+        (json.dumps({"format": "curiobench run", "config_version": CONFIG_VERSION, "config": {"x": 1}}), "field x"),
+    ],
+)
+def test_refuses_a_damaged_or_foreign_config(tmp_path, text, message):
+    (tmp_path / "config.json").write_text(text, errors="surrogateescape")
+    with pytest.raises(ValueError, match=message) as refused:
+        read_config(tmp_path)
+    assert str(tmp_path / "config.json") in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_rows_after_a_checkpoint_are_cut_off(tmp_path):
+    with RunFolder(tmp_path, TINY, resume=False) as folder:
+        folder.append("progress.csv", [{"epoch": 1, "success": None}, {"epoch": 2, "success": 0.1}])
+        sizes = folder.csv_sizes()
+        folder.append("progress.csv", [{"epoch": 3, "success": 1 / 3}])
+        assert read_rows(tmp_path / "progress.csv")[2] == {"epoch": "3", "success": repr(1 / 3)}
+        folder.truncate(sizes)
+        assert [row["success"] for row in read_rows(tmp_path / "progress.csv")] == ["", "0.1"]
+        with pytest.raises(ValueError, match="columns"):
+            folder.append("progress.csv", [{"epoch": 3}])
+        (tmp_path / "progress.csv").write_text("epoch\n")
+        with pytest.raises(ValueError, match="fewer than"):
+            folder.truncate(sizes)
+
+
+def test_a_full_disk_leaves_the_old_file(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+
+    def fill(file):
+        file.write(b"new")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        replace_file(path, fill)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_rows_reach_a_full_disk_as_an_error(tmp_path):
+    with RunFolder(tmp_path, TINY, resume=False) as folder:
+        (tmp_path / "progress.csv").symlink_to("/dev/full")
+        with pytest.raises(OSError, match="No space left"):
+            folder.append("progress.csv", [{"epoch": 1}])
+
+
+def test_result_is_strict_json(finished):
+    result = read_json(finished / "result.json")
+    assert result["goals"] == 4
+    assert result["learned_by_layer"].keys() == {"1", "2"}
