@@ -131,18 +131,19 @@ def new_method(arguments: NewMethodArguments) -> None:
 
 
 def check(arguments: CheckArguments) -> None:
-    """Print what is found in a curiosity method; raises CheckFailed, after it, where a property fails."""
+    """Print what is found in a method; raises CheckFailed, after it, where a property fails."""
+    from curiobench.check.goal_properties import examine_goals
     from curiobench.check.properties import examine
     from curiobench.methods.plugins import file_of
     from curiobench.methods.process import tune_process
     from curiobench.methods.registry import parse_spec
 
-    reward = parse_spec(arguments.method).reward
-    if reward is None:
-        raise ValueError(f"{arguments.method} has no curiosity method to check")
+    spec = parse_spec(arguments.method)
+    if spec.method is None:
+        raise ValueError(f"{arguments.method} has no method to check")
     tune_process()
-    findings = examine(reward)
-    _show_findings(f"{reward.__name__} in {file_of(reward)}", findings, arguments.method)
+    findings = examine_goals(spec.method) if spec.reward is None else examine(spec.reward)
+    _show_findings(f"{spec.method.__name__} in {file_of(spec.method)}", findings, arguments.method)
 
 
 def publish(arguments: PublishArguments) -> None:

@@ -8,8 +8,8 @@ from scipy.stats import chisquare
 
 from curiobench.methods.curriculum import Goals, Situation
 from curiobench.methods.decstr import DECSTR, DECSTRConfig, buckets
-from curiobench.tasks.goals import goal_space
 from curiobench.state import goals_of
+from curiobench.tasks.goals import goal_space
 
 THREE = goals_of(goal_space(3))
 OF_BUCKET = {

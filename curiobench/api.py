@@ -1,0 +1,152 @@
+"""Runs from Python, as the command line makes them.
+
+import curiobench
+
+run = curiobench.train(task="stack2", method="mihm", preset="smoke", out="runs/demo")
+run.evaluations                                # pandas frame, a row an evaluation and goal
+action, _ = run.agent().predict(observation)   # of the Gymnasium environment
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.cli.train_arguments import flags_of, parse_train
+from curiobench.config import RunConfig
+from curiobench.methods.sac import SAC
+from curiobench.run_folder import read_config
+from curiobench.saved_agent import load_agent as load_config_and_agent
+from curiobench.training import train as train_run
+
+PARTS = ("observation", "achieved_goal", "desired_goal")
+"""Of an observation of the environments."""
+
+
+class Agent:
+    """A trained agent."""
+
+    def __init__(self, agent: SAC) -> None:
+        self._agent = agent
+
+    def predict(
+        self,
+        observation: Mapping[str, np.ndarray],
+        state: None = None,
+        episode_start: None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, None]:
+        """Actions, in the manner of stable-baselines3.
+
+        Args:
+            observation: of `curiobench/SemanticStack…`: "observation" (D,), "achieved_goal" and "desired_goal"
+                (bits,), or many of them, (N, D) and (N, bits).
+            state: not used.
+            episode_start: not used.
+            deterministic: the policy's mode, as in evaluations; else a sample.
+
+        Returns:
+            Actions (A,) or (N, A) in [-1, 1], and None.
+
+        Raises:
+            ValueError: a part is missing, or of another size than the agent's task has.
+        """
+        if missing := [name for name in PARTS if name not in observation]:
+            raise ValueError(f"the observation lacks {missing[0]!r}; it needs {', '.join(PARTS)}")
+        layout = self._agent.layout
+        parts = [np.asarray(observation[name], np.float32) for name in PARTS]
+        for name, part, size in zip(PARTS, parts, (layout.observation_size, *[layout.goal_size] * 2), strict=True):
+            if part.ndim not in (1, 2) or part.shape[-1] != size:
+                raise ValueError(f"{name} has shape {part.shape}; expected ({size},) or (N, {size})")
+        actions = self._agent.act(*map(np.atleast_2d, parts), deterministic)
+        return (actions if parts[0].ndim == 2 else actions[0]), None
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder, finished or not."""
+
+    path: Path
+    """The folder."""
+    method: str | None = None
+    """The run's method where it is one from outside: naming it allows importing it."""
+
+    @property
+    def config(self) -> RunConfig:
+        """All options of the run."""
+        return read_config(self.path, {self.method})
+
+    @property
+    def progress(self) -> pd.DataFrame:
+        """A row an epoch; docs/training.md says what the columns mean."""
+        return self._rows("progress.csv")
+
+    @property
+    def evaluations(self) -> pd.DataFrame:
+        """A row an evaluation and goal."""
+        return self._rows("evaluations.csv")
+
+    @property
+    def result(self) -> dict[str, Any] | None:
+        """The last evaluation in short and what the run cost; None where it is not finished."""
+        path = self.path / "result.json"
+        return json.loads(path.read_text()) if path.exists() else None
+
+    def agent(self) -> Agent:
+        """The agent of the newest checkpoint. Raises ValueError where there is none."""
+        return load_agent(self.path, self.method)
+
+    def _rows(self, name: str) -> pd.DataFrame:
+        return pd.read_csv(self.path / name, float_precision="round_trip", dtype={"bits": str})
+
+
+def train(
+    task: str = "stack3",
+    method: str = "sac",
+    preset: str = "laptop",
+    seed: int = 0,
+    *,
+    out: str | Path,
+    resume: bool = False,
+    options: Mapping[str, Any] | None = None,
+) -> Run:
+    """Train a run, as `curiobench train` does.
+
+    Args:
+        task: "stack2" to "stack5".
+        method: method spec.
+        preset: gives the defaults of all options.
+        seed: of all randomness in training.
+        out: the run folder.
+        resume: continue what is there, or begin.
+        options: any other options, by the names that `curiobench train --help` shows: {"epochs": 2, "sac.gamma": 0.9}.
+
+    Raises:
+        ValueError: an option is wrong, or the run cannot be begun.
+        curiobench.errors.RunFailed: it failed; `error.log` in the folder has the details.
+        curiobench.errors.Interrupted: on Ctrl-C, after a checkpoint.
+    """
+    axes = {"task": task, "method": method, "preset": preset, "seed": seed, "out": str(out)}
+    flags = [flag for name, value in (axes | dict(options or {})).items() for flag in flags_of(name, value)]
+    parsed = parse_train([*flags, *(["--resume"] if resume else [])])
+    train_run(parsed.config, parsed.out, parsed.resume, ("curiobench", "train", *flags))
+    return load_run(out, method)
+
+
+def load_run(path: str | Path, method: str | None = None) -> Run:
+    """A run folder. `method` names a method from outside, which allows importing it.
+
+    Raises ValueError where the folder is no run's, or its method is from outside and not named.
+    """
+    run = Run(Path(path), method)
+    run.config  # noqa: B018 - refuses what is no run
+    return run
+
+
+def load_agent(path: str | Path, method: str | None = None) -> Agent:
+    """The agent of a run's newest checkpoint; arguments and errors as `load_run`."""
+    return Agent(load_config_and_agent(Path(path), {method})[1])
