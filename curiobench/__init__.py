@@ -9,8 +9,8 @@ register()  # gymnasium.make("curiobench/SemanticStack3-v0") works once curioben
 
 def __getattr__(name: str):
     # imported on first use, so that `import curiobench` stays quick
-    if name == "results":
-        import curiobench.results
+    if name == "analysis":
+        import curiobench.analysis
 
-        return curiobench.results
+        return curiobench.analysis
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -99,10 +99,10 @@ def table(arguments: Sequence[str]) -> None:
     from curiobench.arguments import TableArguments, parse
 
     parsed = parse(TableArguments, "table", arguments)
-    from curiobench.results.faults import check_named
+    from curiobench.analysis.faults import check_named
 
     check_named(parsed.runs)
-    from curiobench.results.table_command import show_tables
+    from curiobench.analysis.table_command import show_tables
 
     show_tables(parsed)
 
@@ -112,13 +112,13 @@ def figure(arguments: Sequence[str]) -> None:
     from curiobench.arguments import FigureArguments, parse
 
     parsed = parse(FigureArguments, "figure", arguments)
-    from curiobench.results.faults import check_named, tell_faults
+    from curiobench.analysis.faults import check_named, tell_faults
 
     check_named(parsed.runs)
-    from curiobench.results.figures import draw_figures
-    from curiobench.results.frames import read_results
-    from curiobench.results.samples import LOGGED
-    from curiobench.results.style import preload
+    from curiobench.analysis.figures import draw_figures
+    from curiobench.analysis.frames import read_results
+    from curiobench.analysis.samples import LOGGED
+    from curiobench.analysis.style import preload
     from curiobench.workers import cores
 
     results = read_results(parsed.runs, parsed.partial, False, LOGGED, cores(), preload)
@@ -132,10 +132,10 @@ def report(arguments: Sequence[str]) -> None:
     from curiobench.arguments import ReportArguments, parse
 
     parsed = parse(ReportArguments, "report", arguments)
-    from curiobench.results.faults import check_named, tell_faults
+    from curiobench.analysis.faults import check_named, tell_faults
 
     check_named(parsed.runs)
-    from curiobench.results.report import write_report
+    from curiobench.analysis.report import write_report
     from curiobench.workers import cores
 
     results = write_report(parsed.runs, parsed.out, parsed.title, parsed.partial, parsed.baseline, cores())
@@ -193,7 +193,7 @@ def publish(arguments: Sequence[str]) -> None:
     from curiobench.arguments import PublishArguments, parse
 
     parsed = parse(PublishArguments, "publish", arguments)
-    from curiobench.results.publish import publish
+    from curiobench.analysis.publish import publish
 
     print("\n".join(publish(parsed.runs, parsed.out, parsed.allow_dirty, parsed.replace)))
 
@@ -203,8 +203,8 @@ def submit_check(arguments: Sequence[str]) -> None:
     from curiobench.arguments import SubmitCheckArguments, parse
 
     parsed = parse(SubmitCheckArguments, "submit-check", arguments)
-    from curiobench.results.faults import check_named
-    from curiobench.results.submit_check import submit_check
+    from curiobench.analysis.faults import check_named
+    from curiobench.analysis.submit_check import submit_check
 
     check_named(parsed.runs)
     title, findings = submit_check(parsed.runs, parsed.against)

@@ -1,4 +1,4 @@
-"""The picture that training leaves in a run folder; figures of many runs are drawn by curiobench.results.figures."""
+"""The picture that training leaves in a run folder; figures of many runs are drawn by curiobench.analysis.figures."""
 
 from collections import defaultdict
 from collections.abc import Sequence

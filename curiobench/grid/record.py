@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from curiobench.analysis.folders import GRID_FORMAT
 from curiobench.files import read_json, write_json
 from curiobench.grid.cells import Cell
-from curiobench.results.folders import GRID_FORMAT
 
 NAME = "grid.json"
 

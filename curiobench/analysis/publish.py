@@ -1,0 +1,209 @@
+"""`curiobench publish`: run folders become a published set, which `curiobench.analysis.load` reads."""
+
+import gzip
+import hashlib
+import io
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from curiobench.analysis.configs import config_files
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, look
+from curiobench.analysis.frames import Results, read_results
+from curiobench.analysis.published import SUMS, check_sums
+from curiobench.files import replace_file, sync_folder
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DERIVED = ("tables", "figures", "report.html")
+"""What is made from the rows, and can be made again."""
+_OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
+_PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
+_COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
+"""Of a run, which has more than one where it was made longer by other code."""
+
+
+def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
+    """Write the published set of runs.
+
+    The set is written beside its place and renamed when it is whole. Where there is one already, files in it that are
+    not written here, such as a README, are kept.
+
+    Args:
+        paths: run folders, folders of run folders (such as a grid's), published sets. A run that was made longer takes
+            the place of its beginning.
+        out: folder of the set.
+        allow_dirty: also take runs of altered code, or of code whose commit is not known.
+        replace: also where the set that is there has runs that the new one lacks, or other numbers for a run.
+
+    Returns:
+        One line on each part of the set.
+
+    Raises:
+        ValueError: a folder is missing, broken, partial, a duplicate or foreign, a run's code is not a commit, or `out`
+            holds something else or cannot be written; names each. What is at `out` is left as it is.
+    """
+    results = _read(paths)
+    if not allow_dirty and (faults := _unknown_code(results.runs)):
+        raise ValueError(f"not published: {'; '.join(faults)}; --allow-dirty takes them all the same")
+    configs = _configs(results)
+    place = out.resolve()
+    if not place.name:
+        raise ValueError(f"{out} is no place for a published set; name a folder in it")
+    old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
+    try:
+        _tidy(place, old, new)
+        _check_place(place, results, replace)
+        try:
+            new.mkdir(parents=True)
+            _write(new, results, configs)
+            derive(new)
+            _keep_others(place, new)
+            _swap(place, old, new)
+        finally:
+            _tidy(place, old, new)
+    except OSError as error:
+        raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
+    rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
+    return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
+
+
+def _read(paths: Sequence[Path]) -> Results:
+    results = read_results(paths, longest=True)
+    if results.faults:
+        raise ValueError(f"not published: {'; '.join(results.faults)}")
+    if not len(results.runs):
+        raise ValueError("name at least one run folder")
+    return results
+
+
+def _unknown_code(runs: "pd.DataFrame") -> list[str]:
+    """One line on each run whose code is not that of a commit."""
+    return [
+        f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
+        for run, commit in zip(runs["run"], runs["git_commit"], strict=True)
+        if not _COMMITS.fullmatch(commit)
+    ]
+
+
+def _configs(results: Results) -> dict[str, bytes]:
+    """What config.json holds, by run; raises ValueError where run folders' names cannot be those of files."""
+    names = list(results.runs["run"])
+    if odd := [name for name in names if not _PLAIN.fullmatch(name)]:
+        raise ValueError(
+            f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
+        )
+    return {name: file.read_bytes() for name, file in config_files(results).items()}
+
+
+def _tidy(out: Path, old: Path, new: Path) -> None:
+    """Remove what a `publish` leaves that did not come to its end; one stopped between its two renames is undone."""
+    if old.exists() and not out.exists():
+        old.rename(out)
+    for rest in (old, new):
+        if rest.exists():
+            shutil.rmtree(rest)
+
+
+def _swap(out: Path, old: Path, new: Path) -> None:
+    """Put the new set in its place."""
+    if out.exists():
+        out.rename(old)
+    new.rename(out)
+    sync_folder(out.parent)
+
+
+def _keep_others(out: Path, new: Path) -> None:
+    """Copy what stands beside the files of the set that is there, such as a README."""
+    for path in out.iterdir() if out.exists() else ():
+        if path.name in _OWN:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.copytree(path, new / path.name, symlinks=True)
+        else:
+            shutil.copy2(path, new / path.name, follow_symlinks=False)
+
+
+def _check_place(out: Path, results: Results, replace: bool) -> None:
+    """Raises ValueError where something is at `out` that the set must not take the place of."""
+    if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
+        return
+    if not _is_published(out):
+        raise ValueError(f"{out} exists and is no published set")
+    if replace:
+        return
+    check_sums(out)
+    if faults := _lost(read_results([out]), results):
+        raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
+
+
+def _is_published(path: Path) -> bool:
+    try:
+        return path.is_dir() and look(path).published
+    except ValueError:
+        return False
+
+
+def _lost(old: Results, new: Results) -> list[str]:
+    """One line on each run of the old set whose numbers the new one has not got, be it in a longer run."""
+    faults = list(old.faults)
+    theirs, ours = _rows_of_runs(old), _rows_of_runs(new)
+    for run, rows in theirs.items():
+        if run not in ours:
+            faults.append(f"its run {run} would be lost")
+        elif not rows.equals(ours[run][: len(rows)]):
+            faults.append(f"its run {run} would get other numbers")
+    return faults
+
+
+def _rows_of_runs(results: Results) -> dict[str, "pd.DataFrame"]:
+    """The numbers of each run's evaluations."""
+    columns = ["epoch", "steps", "success", "episodes", "success_unsatisfied", "episodes_unsatisfied"]
+    groups = results.evaluations.groupby("run", observed=True)[columns]
+    return {str(run): rows.reset_index(drop=True) for run, rows in groups}
+
+
+def _frames(results: Results) -> dict[str, "pd.DataFrame"]:
+    """What a set holds, by file."""
+    return dict(zip(PUBLISHED_FILES, (results.runs, results.evaluations, results.progress), strict=True))
+
+
+def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None:
+    """Write the rows and configs of a set, and their digests."""
+    texts = {name: frame.to_csv(index=False, lineterminator="\n").encode() for name, frame in _frames(results).items()}
+    data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
+    data |= {f"{CONFIGS}/{run}.json": content for run, content in configs.items()}
+    (folder / CONFIGS).mkdir()
+    for name, content in data.items():
+        replace_file(folder / name, lambda file, content=content: file.write(content))
+    sums = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(data.items()))
+    replace_file(folder / SUMS, lambda file: file.write(sums.encode()))
+
+
+def derive(folder: Path) -> None:
+    """Write the tables, figures and the report of a published set into it, as the commands of these names do."""
+    from curiobench.analysis.figures import draw_figures
+    from curiobench.analysis.paper import LEARNED
+    from curiobench.analysis.report import write_report
+    from curiobench.analysis.table_command import show_tables
+    from curiobench.arguments import TableArguments
+    from curiobench.workers import cores
+
+    results = read_results([folder])
+    for like in (None, "paper") if LEARNED.keys() & set(results.runs["method"]) else (None,):
+        with redirect_stdout(io.StringIO()):
+            show_tables(TableArguments((folder,), like, out=folder / "tables"))
+    draw_figures(results, folder / "figures", processes=cores())
+    write_report([folder], folder / "report.html", processes=cores())
+
+
+def _gzip(content: bytes) -> bytes:
+    """The content compressed, without a name or time: the same bytes whenever it is done."""
+    buffer = io.BytesIO()
+    with gzip.GzipFile("", "wb", 9, buffer, mtime=0) as file:
+        file.write(content)
+    return buffer.getvalue()
