@@ -99,7 +99,7 @@ def table(arguments: Sequence[str]) -> None:
     from curiobench.arguments import TableArguments, parse
 
     parsed = parse(TableArguments, "table", arguments)
-    from curiobench.analysis.faults import check_named
+    from curiobench.analysis.frames import check_named
 
     check_named(parsed.runs)
     from curiobench.analysis.table_command import show_tables
@@ -112,7 +112,7 @@ def figure(arguments: Sequence[str]) -> None:
     from curiobench.arguments import FigureArguments, parse
 
     parsed = parse(FigureArguments, "figure", arguments)
-    from curiobench.analysis.faults import check_named, tell_faults
+    from curiobench.analysis.frames import check_named, tell_faults
 
     check_named(parsed.runs)
     from curiobench.analysis.figures import draw_figures
@@ -132,7 +132,7 @@ def report(arguments: Sequence[str]) -> None:
     from curiobench.arguments import ReportArguments, parse
 
     parsed = parse(ReportArguments, "report", arguments)
-    from curiobench.analysis.faults import check_named, tell_faults
+    from curiobench.analysis.frames import check_named, tell_faults
 
     check_named(parsed.runs)
     from curiobench.analysis.report import write_report
@@ -203,7 +203,7 @@ def submit_check(arguments: Sequence[str]) -> None:
     from curiobench.arguments import SubmitCheckArguments, parse
 
     parsed = parse(SubmitCheckArguments, "submit-check", arguments)
-    from curiobench.analysis.faults import check_named
+    from curiobench.analysis.frames import check_named
     from curiobench.analysis.submit_check import submit_check
 
     check_named(parsed.runs)

@@ -1,54 +1,56 @@
-"""Which run folders a path stands for, and which of them a grid expects there."""
+"""What a path stands for: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
 
+import hashlib
+import os
+import re
 from dataclasses import dataclass, field
 from os.path import isfile  # which raises nothing, where Path.exists may
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 from curiobench.files import read_json
 
 GRID_FORMAT = "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
-"""What a published set holds, `Results` as files."""
+"""The frames `runs`, `evaluations` and `progress` of a published set."""
 CONFIGS = "configs"
 """Folder of a published set with each run's config.json, named after the run."""
-_MAX_GRID_BYTES = 1 << 24
+SUMS = "SHA256SUMS"
+"""Digests of a set's files, as `sha256sum --check` reads them."""
+_VERSION = re.compile(r"v[1-9]\d*")
+_MAX_GRID_BYTES, _MAX_SUMS_BYTES = 1 << 24, 1 << 20
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A run that a grid expects."""
+class GridRun(NamedTuple):
+    """A run that a grid expects in a folder."""
 
     task: str
-    """Task."""
     method: str
-    """Method spec."""
     seed: int
-    """Seed."""
+
+    def __str__(self) -> str:
+        return f"{self.task} {self.method} seed {self.seed}"
 
 
 @dataclass(frozen=True)
 class Found:
     """What a path stands for."""
 
-    runs: dict[Path, Cell | None] = field(default_factory=dict)
-    """Run folders, with the cell of the grid that each should be."""
+    runs: dict[Path, GridRun | None] = field(default_factory=dict)
+    """Run folders, and what a grid expects in each."""
     published: bool = False
     """The path is a published set."""
     faults: tuple[str, ...] = ()
-    """One line on each folder that is missing, or is none of a grid's."""
+    """One line on each folder that a grid lacks, or that is no run."""
 
 
 def look(path: Path) -> Found:
-    """What a path stands for: one run folder, a folder of run folders, or a published set.
-
-    Raises ValueError where it is none of these, or a grid's list of cells cannot be read.
-    """
+    """What a path stands for; raises ValueError where it is no folder, holds no run, or has a damaged grid.json."""
     if not path.is_dir():
         raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
     if isfile(path / "config.json"):
         return Found({path: None})
-    if all(isfile(path / name) for name in PUBLISHED_FILES):
+    if is_published(path):
         return Found(published=True)
     inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
     if isfile(path / "grid.json"):
@@ -60,24 +62,25 @@ def look(path: Path) -> Found:
     return Found(dict.fromkeys(runs), faults=foreign)
 
 
+def is_published(path: Path) -> bool:
+    """Whether a folder is a published set."""
+    return all(isfile(path / name) for name in PUBLISHED_FILES)
+
+
 def _look_at_grid(path: Path, inside: list[Path]) -> Found:
-    cells = read_cells(path / "grid.json")
-    runs, faults = {}, []
-    for folder, cell in cells.items():
-        if isfile(path / folder / "config.json"):
-            runs[path / folder] = cell
-        else:
-            faults.append(f"{path / folder} is missing: the grid's {cell.task} {cell.method} seed {cell.seed}")
-    expected = {path / PurePosixPath(folder).parts[0] for folder in cells}
+    expected = {path / folder: run for folder, run in _read_grid(path / "grid.json").items()}
+    runs = {folder: run for folder, run in expected.items() if isfile(folder / "config.json")}
+    faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in runs]
+    ours = {path / folder.relative_to(path).parts[0] for folder in expected}
     for child in inside:
-        if child not in expected:
+        if child not in ours:
             kind = "a run, but not one of the grid's" if isfile(child / "config.json") else "no run folder"
             faults.append(f"{child} is foreign: it is {kind}; left out")
     return Found(runs, faults=tuple(faults))
 
 
-def read_cells(path: Path) -> dict[str, Cell]:
-    """The cells of a grid by folder, from its grid.json; raises ValueError where it is damaged."""
+def _read_grid(path: Path) -> dict[str, GridRun]:
+    """The runs of a grid by folder, from its grid.json; raises ValueError where it is damaged."""
     if not path.is_file() or path.stat().st_size > _MAX_GRID_BYTES:
         raise ValueError(f"{path} is no list of cells")
     grid = read_json(path)
@@ -85,11 +88,11 @@ def read_cells(path: Path) -> dict[str, Cell]:
         raise ValueError(f"{path} is not a grid's: its format is {grid.get('format')!r:.80}")
     if not isinstance(grid.get("cells"), list):
         raise ValueError(f"{path} has no list of cells")
-    return {_folder(path, cell): Cell(cell["task"], cell["method"], cell["seed"]) for cell in grid["cells"]}
+    return {_folder(path, cell): GridRun(cell["task"], cell["method"], cell["seed"]) for cell in grid["cells"]}
 
 
 def _folder(path: Path, cell: Any) -> str:
-    """Folder of a cell, checked: it lies below the grid's."""
+    """Folder of a cell of grid.json, checked: it lies below the grid's."""
     kinds = {"folder": str, "task": str, "method": str, "seed": int}
     sound = isinstance(cell, dict) and all(type(cell.get(name)) is kind for name, kind in kinds.items())
     if not sound or not (cell["task"] + cell["method"]).isprintable():
@@ -98,3 +101,62 @@ def _folder(path: Path, cell: Any) -> str:
     if folder.is_absolute() or ".." in folder.parts or not folder.parts or not cell["folder"].isprintable():
         raise ValueError(f"{path} has the cell {cell['folder']!r}; a cell is a folder below the grid's")
     return cell["folder"]
+
+
+def available() -> list[str]:
+    """Names of the published sets that come with this package, oldest first."""
+    home = _home()
+    paths = home.iterdir() if home.is_dir() else ()
+    names = [path.name for path in paths if _VERSION.fullmatch(path.name) and is_published(path)]
+    return sorted(names, key=lambda name: int(name[1:]))
+
+
+def locate(name: str | Path) -> Path:
+    """Folder of a published set by its name or path; raises ValueError where there is none."""
+    if isinstance(name, str) and name in available():
+        return _home() / name
+    if is_published(Path(name)):
+        return Path(name)
+    names = ", ".join(available()) or "none yet"
+    raise ValueError(
+        f"there are no published results {str(name)!r}: available are {names}, and paths of published sets"
+    )
+
+
+def by_name(path: Path) -> Path:
+    """The folder of the set that comes with this package under a name such as v1; any other path as it is."""
+    name = str(path)
+    return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
+
+
+def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
+    """Raises ValueError where a file of a published set has another digest than its SHA256SUMS says."""
+    sums = read_sums(folder)
+    for path in (folder / file for file in files):
+        try:
+            if not path.is_file():
+                raise ValueError(f"{path} is no file")
+            found = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise ValueError(f"cannot read {path}: {error.strerror}") from None
+        if sums.get(str(path.relative_to(folder))) != found:
+            raise ValueError(f"{path} is not the file that was published: {SUMS} has another digest of it")
+
+
+def read_sums(folder: Path) -> dict[str, str]:
+    """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
+    path = folder / SUMS
+    try:
+        if path.exists() and not (path.is_file() and path.stat().st_size <= _MAX_SUMS_BYTES):
+            raise ValueError(f"{path} is no file of at most {_MAX_SUMS_BYTES:,} bytes")
+        lines = path.read_text("utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
+
+
+def _home() -> Path:
+    """Folder of the published sets: `curiobench/published` where installed, `results` in a working copy."""
+    package = Path(__file__).resolve().parents[1]
+    working_copy = package.parent / "pyproject.toml"
+    return package.parent / "results" if working_copy.exists() else package / "published"

@@ -1,24 +1,28 @@
 """Run folders and published sets as pandas frames. docs/results.md says what each column means."""
 
 import os
+import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial as with_arguments
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import union_categoricals
 
-from curiobench.analysis import lengthened
-from curiobench.analysis.collecting import Collector, Wanted
-from curiobench.analysis.reading import Run
-from curiobench.analysis.variants import variants
-from curiobench.methods.specs import shown
+from curiobench.analysis.folders import GridRun, by_name, locate, look
+from curiobench.analysis.options import variants
+from curiobench.analysis.rows import DTYPES
+from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows
+from curiobench.analysis.runs import longest as without_beginnings
+from curiobench.analysis.sets import read_set
+from curiobench.errors import one_line
+from curiobench.methods.specs import canonical
 from curiobench.run_folder import PACKAGES
-from curiobench.workers import no_collection
-
-__all__ = ["METHOD_ORDER", "Results", "in_order", "read_results", "shown"]
+from curiobench.workers import no_collection, parallel_map
 
 METHOD_ORDER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
 """Methods as tables and figures list them; others follow by name."""
@@ -30,12 +34,12 @@ RUN_COLUMNS = (
     *(*PACKAGES, "python", "git_commit", "method_sha256", "created", "finished", "command", "config"),
 )
 """Columns of `Results.runs`."""
-EVALUATION_COLUMNS = (
-    *IDENTITY,
-    *("epoch", "steps", "goal", "bits", "layer", "episodes", "success", "episodes_unsatisfied"),
-    *("success_unsatisfied", "learned"),
-)
+EVALUATION_COLUMNS = (*IDENTITY, *DTYPES)
 """Columns of `Results.evaluations`."""
+LAYER_COLUMNS = (*IDENTITY, "epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
+"""Columns of `Results.layers`."""
+FEWEST = 16
+"""Run folders a process for which it is worth starting one."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +59,60 @@ class Results:
     faults: tuple[str, ...] = ()
     """One line on each folder that is missing, broken, partial, duplicate or foreign, and what was done with it."""
     absent: tuple[str, ...] = ()
-    """Those of the faults for which a path that was asked for gave no run at all."""
+    """The faults because of which a path that was asked for gave no run at all."""
+
+    def checked_config_files(self) -> dict[str, Path]:
+        """Where the config.json of each run is; raises ValueError where one is missing or too large."""
+        for run, file in self.config_files.items():
+            if not file.is_file() or file.stat().st_size > MAX_JSON_BYTES:
+                raise ValueError(f"there is no config.json of {run}, of at most {MAX_JSON_BYTES:,} bytes")
+        return self.config_files
+
+
+def load(name: str | Path) -> Results:
+    """Published results as pandas frames.
+
+    Args:
+        name: one of `available()`, such as "v1", or the path of a published set.
+
+    Returns:
+        `Results` with the frames `runs` (a row a run), `evaluations` (a row a run, evaluation and goal), `layers` (a
+        row a run, evaluation and layer) and `progress` (a row a run and epoch); docs/results.md has their columns.
+
+    Raises:
+        ValueError: there is no such set, or a file of it is damaged.
+    """
+    results = read_results([locate(name)])
+    if results.faults:
+        raise ValueError("; ".join(results.faults))
+    return results
+
+
+def check_named(paths: Sequence[Path]) -> None:
+    """Raise ValueError where no path was given."""
+    if not paths:
+        raise ValueError("name at least one run folder, folder of run folders or published set")
+
+
+def tell_faults(results: Results, what: str) -> None:
+    """Print a line on each folder that is left out to stderr.
+
+    Raises ValueError, one line, that names those which were asked for by their path: they are not in the `what`.
+    """
+    for fault in results.faults:
+        if fault not in results.absent:
+            print(f"curiobench: {one_line(fault)}", file=sys.stderr)
+    if results.absent:
+        raise ValueError(f"not in the {what}: " + "; ".join(results.absent))
 
 
 def in_order(methods: Sequence[str]) -> list[str]:
-    """Method specs, as shown, each once, in the order of tables and figures."""
-    return sorted(set(methods), key=_place)
+    """Method specs, each once, in the order of tables and figures."""
+    return sorted(set(methods), key=place_of)
 
 
-def _place(method: str) -> tuple[int, str]:
+def place_of(method: str) -> tuple[int, str]:
+    """What methods are sorted by."""
     return (METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER), method)
 
 
@@ -71,7 +120,7 @@ def read_results(
     paths: Sequence[Path],
     partial: bool = False,
     every_goal: bool = True,
-    progress: bool | Sequence[str] = True,
+    progress: bool | Collection[str] = True,
     processes: int = 1,
     meanwhile: Callable[[], object] = lambda: None,
     longest: bool = False,
@@ -89,37 +138,129 @@ def read_results(
         processes: how many read folders side by side, where there are many and the system can fork; what is read does
             not depend on it.
         meanwhile: what this process does first, while others have begun to read, such as a long import.
-        longest: leave out, without a word, a run that is the beginning of another one, which was made longer.
+        longest: leave out, without a fault, a run that is the beginning of another one, which was made longer.
 
     Returns:
         The runs that can be used, sorted by task, method, variant and seed, and faults about all others.
     """
-    collector = Collector(Wanted(every_goal, progress), processes)
+    load_folder = with_arguments(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
-        collector.collect([Path(path) for path in paths], partial, meanwhile)
-        return _results(collector, longest)
+        found = _Found(every_goal)
+        for path in paths:
+            found.add(by_name(Path(path)))
+        found.read(lambda folders: parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
+        runs = without_beginnings(found.runs()) if longest else found.runs()
+        return _results(runs, tuple(found.faults), tuple(found.absent))
 
 
-def _results(collector: Collector, longest: bool) -> Results:
-    kept = lengthened.longest(collector.runs()) if longest else collector.runs()
-    texts = variants([run.head.decisive() for run in kept])
-    order = sorted(range(len(kept)), key=lambda i: _key(kept[i], texts[i]))
-    runs = [kept[i] for i in order]
-    frame = _runs_frame(runs, [texts[i] for i in order])
+_Folder = tuple[Path, GridRun | None]
+"""A run folder, and the run that a grid expects in it."""
+
+
+class _Found:
+    """The runs that paths stand for, each once, and faults about all that cannot be used."""
+
+    def __init__(self, every_goal: bool) -> None:
+        self._every_goal = every_goal
+        self._seen: set[Path] = set()
+        self._entries: list[tuple[Run | _Folder | str, list[str]]] = []
+        self._kept: dict[str, Run] = {}
+        self.faults: list[str] = []
+        """One line on each folder that gave no run, or not all of it."""
+        self.absent: list[str] = []
+        """The faults of paths that were asked for."""
+
+    def runs(self) -> list[Run]:
+        """Those that can be used."""
+        return list(self._kept.values())
+
+    def add(self, path: Path) -> None:
+        """Note what a path stands for: a fault, a folder to read, or a run of a published set."""
+        try:
+            found = look(path)
+            published = read_set(path, self._every_goal) if found.published else []
+        except (ValueError, OSError) as error:
+            self._entries.append((str(error), self.absent))
+            return
+        self._entries += [(fault, self.faults) for fault in found.faults]
+        if found.published and self._is_new(path):
+            self._entries += [(run, self.faults) for run in published]
+        for folder, expected in found.runs.items():
+            if self._is_new(folder):
+                self._entries.append(((folder, expected), self.absent if folder == path else self.faults))
+
+    def _is_new(self, path: Path) -> bool:
+        """Whether no path before stood for this folder, which is known from now on."""
+        path, size = path.resolve(), len(self._seen)
+        self._seen.add(path)
+        return len(self._seen) > size
+
+    def read(self, load_all: Callable[[list[_Folder]], list[Run | str]]) -> None:
+        """Read the folders, and keep what can be used; complete runs first, which none that is partial replaces."""
+        loaded = iter(load_all([what for what, _ in self._entries if isinstance(what, tuple)]))
+        entries = [(next(loaded) if isinstance(what, tuple) else what, faults) for what, faults in self._entries]
+        for run, faults in sorted(entries, key=lambda entry: _is_partial(entry[0])):
+            if isinstance(run, str):
+                faults.append(run)
+            elif run.evaluations is None and not run.fault:
+                faults.append(f"{run.path} is partial: it has no result.json; left out")
+            elif first := self._kept.get(run.identity()):
+                faults.append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
+            elif run.fault:
+                faults.append(run.fault)
+            else:
+                self.faults += run.notes
+                self._kept[run.identity()] = run
+
+
+def _is_partial(what: Run | str) -> bool:
+    return isinstance(what, Run) and not what.values["complete"]
+
+
+def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
+    """A run with its rows; without them where it is partial and not wanted or has a fault. A fault where it is none."""
+    path, expected = folder
+    try:
+        run = read_head(path)
+        found = GridRun(*(run.config[name] for name in GridRun._fields))
+        if expected and found != expected._replace(method=canonical(expected.method)):
+            raise ValueError(f"{path} is foreign: it is {found}, not the grid's {expected}")
+    except (ValueError, OSError) as error:
+        return _left_out(error)
+    if run.result is None and not partial:
+        return run
+    try:
+        return with_rows(run, every_goal, progress)
+    except (ValueError, OSError) as error:
+        return replace(run, fault=_left_out(error))
+
+
+def _left_out(error: Exception) -> str:
+    text = f"cannot read {error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+    return f"{text}; left out"
+
+
+def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
+    texts = variants([run.decisive() for run in runs])
+    order = sorted(zip(texts, runs, strict=True), key=lambda pair: _key(*pair))
+    runs = [run for _, run in order]
+    names = _names([Path(os.path.abspath(run.path)) for run in runs])
+    rows = [run.values | {"run": name, "variant": text} for name, (text, run) in zip(names, order, strict=True)]
+    frame = pd.DataFrame(rows, columns=list(RUN_COLUMNS))
     return Results(
         frame,
-        _evaluations_frame(runs, frame),
-        _layers_frame(runs, frame),
-        _progress_frame(runs, frame),
-        {name: run.head.config_file for name, run in zip(frame["run"], runs, strict=True)},
-        (*collector.faults, *collector.absent),
-        tuple(collector.absent),
+        _stacked(frame, [run.evaluations for run in runs], EVALUATION_COLUMNS),
+        _stacked(frame, [run.layers for run in runs], LAYER_COLUMNS),
+        _progress_frame(frame, [run.progress for run in runs]),
+        {name: run.config_file for name, run in zip(names, runs, strict=True)},
+        (*faults, *absent),
+        absent,
     )
 
 
-def _key(run: Run, variant: str) -> tuple[Any, ...]:
+def _key(variant: str, run: Run) -> tuple[Any, ...]:
     values = run.values
-    return values["task"], _place(values["method"]), variant, values["seed"], str(run.head.path)
+    return values["task"], place_of(values["method"]), variant, values["seed"], str(run.path)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -133,64 +274,26 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def _runs_frame(runs: Sequence[Run], texts: Sequence[str]) -> pd.DataFrame:
-    names = _names([Path(os.path.abspath(run.head.path)) for run in runs])
-    rows = [run.values | {"run": name, "variant": text} for run, name, text in zip(runs, names, texts, strict=True)]
-    return pd.DataFrame(rows, columns=list(RUN_COLUMNS))
-
-
 def _identity(frame: pd.DataFrame, sizes: Sequence[int]) -> dict[str, Any]:
     """The first columns of a frame in which the i-th run has `sizes[i]` rows."""
     which = np.repeat(np.arange(len(frame)), sizes)
-    columns: dict[str, Any] = {}
-    for name in IDENTITY[:-1]:
-        categories = list(dict.fromkeys(frame[name]))
-        position = {category: i for i, category in enumerate(categories)}
-        codes = np.array([position[value] for value in frame[name]], np.int16)
-        columns[name] = pd.Categorical.from_codes(codes[which], categories)
+    columns = {name: pd.Categorical(frame[name], list(dict.fromkeys(frame[name])))[which] for name in IDENTITY[:-1]}
     return columns | {"seed": frame["seed"].to_numpy(np.int64)[which]}
 
 
-def _evaluations_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame:
-    """Row order: run, evaluation, goal."""
-    parts = [run.evaluations for run in runs]
+def _stacked(frame: pd.DataFrame, parts: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
+    """The rows of all runs; categories are in the order in which they first occur."""
     if not parts:
-        return pd.DataFrame(columns=list(EVALUATION_COLUMNS))
-    shapes = [part.episodes.shape for part in parts]  # (E, G) each
-    columns = _identity(frame, [n * goals for n, goals in shapes])
-    for name in ("epoch", "steps"):
-        columns[name] = np.concatenate(
-            [np.repeat(getattr(part, name), goals) for part, (_, goals) in zip(parts, shapes, strict=True)]
-        )
-    for name in ("goal", "bits"):
-        columns[name] = _categorical([getattr(part, name) for part in parts], [n for n, _ in shapes])
-    columns["layer"] = np.concatenate([np.tile(part.layer, n) for part, (n, _) in zip(parts, shapes, strict=True)])
-    for name in ("episodes", "success", "episodes_unsatisfied", "success_unsatisfied", "learned"):
-        columns[name] = np.concatenate([getattr(part, name).ravel() for part in parts])
-    columns["learned"] = columns["learned"].astype(np.int8)
-    return pd.DataFrame(columns, columns=list(EVALUATION_COLUMNS), copy=False)
+        return pd.DataFrame(columns=list(names))
+    columns = _identity(frame, [len(part) for part in parts])
+    for name in parts[0]:
+        values = [part[name] for part in parts]
+        text = isinstance(values[0].dtype, pd.CategoricalDtype)
+        columns[name] = union_categoricals(values) if text else np.concatenate(values)
+    return pd.DataFrame(columns, columns=list(names), copy=False)
 
 
-def _categorical(texts: Sequence[Sequence[str]], repeats: Sequence[int]) -> pd.Categorical:
-    """The texts of each run, all of them as often as it has evaluations."""
-    position = {text: i for i, text in enumerate(dict.fromkeys(text for part in texts for text in part))}
-    codes = [
-        np.tile([position[text] for text in part], n).astype(np.int32) for part, n in zip(texts, repeats, strict=True)
-    ]
-    return pd.Categorical.from_codes(np.concatenate(codes), list(position))
-
-
-def _layers_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame:
-    names = ("epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
-    if not runs:
-        return pd.DataFrame(columns=[*IDENTITY, *names])
-    parts = [run.layers for run in runs]
-    columns = _identity(frame, [len(part["epoch"]) for part in parts])
-    return pd.DataFrame(columns | {name: np.concatenate([part[name] for part in parts]) for name in names}, copy=False)
-
-
-def _progress_frame(runs: Sequence[Run], frame: pd.DataFrame) -> pd.DataFrame:
-    parts = [run.progress for run in runs]
+def _progress_frame(frame: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     if not any(map(len, parts)):
         return pd.DataFrame(columns=list(IDENTITY))
     rows = pd.concat([part for part in parts if len(part)], ignore_index=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import groupby
 
 from curiobench.analysis.frames import Results
+from curiobench.analysis.options import PAPER_STEPS, cautions, millions, scale_of, spread
 from curiobench.analysis.paper import (
     LEARNED,
     PAPER_GOALS,
@@ -13,8 +14,7 @@ from curiobench.analysis.paper import (
     QUOTED,
     PaperTable,
 )
-from curiobench.analysis.scale import PAPER_STEPS, millions, scale_of, spread
-from curiobench.analysis.summaries import Summary, cautions, summarise
+from curiobench.analysis.summaries import Summary, summarise
 from curiobench.analysis.tables import Column, Table, Value, interval_notes, layer_name
 
 _METHODS = tuple(dict.fromkeys(method for table in PAPER_TABLES for method in table.methods))
@@ -62,7 +62,7 @@ def _closing_notes(results: Results, task: str) -> list[str]:
     of_task = results.runs.loc[results.runs["task"] == task, "method"]
     if left := [name for name in dict.fromkeys(of_task) if name not in _METHODS]:
         notes.append(f"not in the paper's tables, so not here: {', '.join(left)}")
-    return notes + cautions(results, task)
+    return notes + cautions(results.runs[results.runs["task"] == task])
 
 
 def _paper_columns(task: str) -> list[Column]:

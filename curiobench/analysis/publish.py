@@ -10,10 +10,8 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.configs import config_files
-from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, look
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, look
 from curiobench.analysis.frames import Results, read_results
-from curiobench.analysis.published import SUMS, check_sums
 from curiobench.files import replace_file, sync_folder
 
 if TYPE_CHECKING:
@@ -97,7 +95,7 @@ def _configs(results: Results) -> dict[str, bytes]:
         raise ValueError(
             f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
         )
-    return {name: file.read_bytes() for name, file in config_files(results).items()}
+    return {name: file.read_bytes() for name, file in results.checked_config_files().items()}
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:

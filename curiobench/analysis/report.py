@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.frames import read_results, shown
+from curiobench.analysis.frames import read_results
 from curiobench.analysis.report_cells import cells_of
 from curiobench.analysis.report_figures import pictures
 from curiobench.analysis.report_goals import task_cards
@@ -19,6 +19,7 @@ from curiobench.analysis.report_tables import tables
 from curiobench.analysis.report_text import DEFINITIONS, citation
 from curiobench.analysis.samples import LOGGED
 from curiobench.files import replace_file
+from curiobench.methods.specs import shown
 
 if TYPE_CHECKING:
     from jinja2 import Template

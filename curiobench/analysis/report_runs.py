@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from curiobench.analysis.options import hour_digits
 from curiobench.analysis.report_cells import Cell, cells_of, runs_of
 from curiobench.analysis.report_tables import MISSING, Entry, Heading
-from curiobench.analysis.scale import hour_digits
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from curiobench.analysis.options import PAPER_STEPS, cautions, millions, scale_of
 from curiobench.analysis.report_cells import Cell, cells_of, count, listed, runs_of
 from curiobench.analysis.report_goals import last_evaluations
-from curiobench.analysis.scale import PAPER_STEPS, millions, scale_of
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.summaries import cautions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,4 +141,4 @@ def _warnings(results: "Results") -> list[str]:
             f"the runs are far below the paper's scale, {millions(most)} steps at most, which is "
             f"{100 * most / PAPER_STEPS:.2g} % of the paper's {millions(PAPER_STEPS)}: longer runs may rank otherwise"
         )
-    return found + cautions(results)
+    return found + cautions(results.runs)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.analysis.frames import Results, in_order
-from curiobench.analysis.scale import scale_of
+from curiobench.analysis.options import scale_of
 from curiobench.analysis.summaries import untrained
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.configs import read_records
-from curiobench.analysis.frames import Results, read_results
-from curiobench.analysis.published import available, load
-from curiobench.analysis.reading import starts
+from curiobench.analysis.folders import available
+from curiobench.analysis.frames import Results, load, read_results
+from curiobench.analysis.runs import versions_of
+from curiobench.files import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,7 +55,7 @@ class Submission:
         """What a run says about the software that began it and that made it longer; empty where it says nothing."""
         return [
             {name: value for name, value in versions.items() if isinstance(value, str | int)}
-            for versions in starts(self.records[run])
+            for versions in versions_of(self.records[run])
         ]
 
 
@@ -72,7 +72,7 @@ class Reference:
 def read_submission(paths: Sequence[Path]) -> Submission:
     """The runs in run folders, folders of run folders or published sets; its faults name those that cannot be used."""
     results = read_results(paths)
-    return Submission(results, read_records(results))
+    return Submission(results, {run: read_json(file) for run, file in results.checked_config_files().items()})
 
 
 def reference(against: str | None = None) -> Reference:
@@ -89,7 +89,9 @@ def reference(against: str | None = None) -> Reference:
     if name == PRESETS_ONLY:
         return Reference("the presets")
     results = load(name)
-    return Reference(name, Submission(results, read_records(results)))
+    return Reference(
+        name, Submission(results, {run: read_json(file) for run, file in results.checked_config_files().items()})
+    )
 
 
 def _by_run(frame: "pd.DataFrame") -> dict[str, "pd.DataFrame"]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.evaluations import LARGEST_LISTED_TASK
 from curiobench.analysis.frames import IDENTITY
+from curiobench.analysis.rows import LARGEST_LISTED_TASK
 from curiobench.analysis.submission import Fault, Reference, Skipped, Submission
 from curiobench.protocol import satisfied_starts
 from curiobench.tasks.goals import goal_space

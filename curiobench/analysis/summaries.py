@@ -1,6 +1,5 @@
 """What a table says of a method on a task: estimates over its seeds, from the frames of runs."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import Results, in_order
-from curiobench.analysis.reading import decisive
 from curiobench.analysis.statistics import (
     area_under_curve,
     curve_interval,
@@ -18,8 +16,6 @@ from curiobench.analysis.statistics import (
     probability_of_improvement,
     stratified_bootstrap,
 )
-from curiobench.analysis.variants import unlike_options
-from curiobench.run_folder import PACKAGES
 
 GOOD_SUCCESS = 0.8
 """Mean success over all goals from which a run counts as good; tables tell how soon it is there."""
@@ -227,24 +223,6 @@ def untrained(results: Results, task: str) -> Untrained | None:
     layers = results.layers
     rows = layers[(layers["task"] == task) & (layers["epoch"] == 0) & (layers["layer"] == 0)]
     return Untrained(float(rows["learned"].mean()), float(rows["success"].mean())) if len(rows) else None
-
-
-def cautions(results: Results, task: str | None = None) -> list[str]:
-    """One line on each thing that makes a comparison of the methods of one task unequal; of all tasks if None."""
-    runs = results.runs if task is None else results.runs[results.runs["task"] == task]
-    lines = []
-    for of_task, group in runs.groupby("task", sort=True):
-        options = [decisive(json.loads(text)) for text in group["config"]]
-        lines += unlike_options(options, list(group["variant"]))
-        for package in PACKAGES:
-            if len(found := sorted(set(group[package]))) > 1:
-                lines.append(f"runs of {of_task} were made with {package} {' and '.join(found)}")
-        commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
-        if len(commits) > 1:
-            lines.append(f"runs of {of_task} were made at {len(commits)} commits: {', '.join(commits)}")
-    if partial := int((~runs["complete"].astype(bool)).sum()):
-        lines.append(f"runs that are not finished: {partial}; their last evaluation stands for their end")
-    return list(dict.fromkeys(lines))
 
 
 def run_rows(results: Results) -> list[dict[str, Any]]:

@@ -8,8 +8,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.faults import tell_faults
-from curiobench.analysis.frames import Results, read_results
+from curiobench.analysis.frames import Results, read_results, tell_faults
 from curiobench.analysis.paper_tables import flat_paper_table, paper_tables
 from curiobench.analysis.summaries import summarise
 from curiobench.analysis.table_formats import comma_separated, latex, markdown, terminal

@@ -7,9 +7,9 @@ from itertools import groupby
 from typing import Any
 
 from curiobench.analysis.frames import Results
-from curiobench.analysis.scale import hour_digits, scale_of
+from curiobench.analysis.options import cautions, hour_digits, scale_of
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.summaries import GOOD_SUCCESS, Estimate, Summary, cautions, run_rows, untrained
+from curiobench.analysis.summaries import GOOD_SUCCESS, Estimate, Summary, run_rows, untrained
 
 Value = str | int | float | Estimate | None
 
@@ -110,7 +110,7 @@ def _tables_of_task(results: Results, task: str, summaries: list[Summary], basel
             rows,
             (scale, *of_success, *brackets, *_comparison_notes(summaries, baseline)),
         ),
-        Table(f"{task}: cost", (*names, *cost), rows, (CLOCK, *cautions(results, task))),
+        Table(f"{task}: cost", (*names, *cost), rows, (CLOCK, *cautions(results.runs[results.runs["task"] == task]))),
     ]
 
 

@@ -1,19 +1,16 @@
-"""Reading a published set: the frames of `Results` as csv files."""
+"""Reading a published set: the frames of `Results` as csv files, checked like those of run folders."""
 
 import json
 import zlib
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.evaluations import DTYPES, bits_as_integers, check
-from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES
-from curiobench.analysis.published import check_sums
-from curiobench.analysis.reading import LARGEST_NUMBER, PROGRESS_COLUMNS, Head, Run, check_config
-from curiobench.methods.specs import shown
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, check_sums
+from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check
+from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
 from curiobench.run_folder import PACKAGES
 
 MAX_ROWS = 20_000_000
@@ -22,16 +19,15 @@ _TEXT = (
     *("run", "machine", *PACKAGES, "python"),
     *("git_commit", "method_sha256", "created", "finished", "command", "config"),
 )
-_COUNTERS = {"epoch": np.int32, "steps": np.int64, "updates": np.int64}
 _NUMBERS = ("epoch", "steps", "updates", "hours", "peak_memory_mb")
 
 
-def read_published(folder: Path, every_goal: bool = True) -> list[Run]:
+def read_set(folder: Path, every_goal: bool = True) -> list[Run]:
     """The runs of a published set.
 
     Args:
         folder: holds `PUBLISHED_FILES`.
-        every_goal: keep all details of every evaluation; otherwise of the last.
+        every_goal: keep every evaluation of each run; otherwise the last.
 
     Raises:
         ValueError: a file is damaged or lacks a column, or the files disagree; names the folder.
@@ -47,10 +43,10 @@ def read_published(folder: Path, every_goal: bool = True) -> list[Run]:
 def _read(folder: Path, every_goal: bool) -> list[Run]:
     check_sums(folder)
     runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
-    texts = dict.fromkeys(_TEXT, str)
-    heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), texts | dict.fromkeys(_NUMBERS, float) | {"complete": bool})
+    types = dict.fromkeys(_TEXT, str) | dict.fromkeys(_NUMBERS, float) | {"complete": bool}
+    heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), types)
     rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str, "bits": str})
-    details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | _COUNTERS)
+    details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | PROGRESS_DTYPES)
     if heads["run"].duplicated().any():
         raise ValueError("a run is in runs.csv twice")
     if odd := [name for name in heads["run"] if PurePosixPath(name).name != name]:
@@ -59,8 +55,8 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
         raise ValueError(f"{min(strangers)!r} has rows, but is not in runs.csv")
     rows_of, details_of = dict(list(rows.groupby("run"))), dict(list(details.groupby("run")))
     return [
-        _run(folder, values, rows_of.get(values["run"]), details_of.get(values["run"]), every_goal)
-        for values in heads.to_dict("records")
+        _run(folder, row, rows_of.get(row["run"]), details_of.get(row["run"]), every_goal)
+        for row in heads.to_dict("records")
     ]
 
 
@@ -77,28 +73,25 @@ def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.Da
 def _run(
     folder: Path, row: dict[str, Any], rows: pd.DataFrame | None, details: pd.DataFrame | None, every_goal: bool
 ) -> Run:
-    config = check_config(json.loads(row["config"]))
+    """A run from its row of runs.csv, and its rows of the other two files."""
+    config, name = check_config(json.loads(row["config"])), row["run"]
     if rows is None:
-        raise ValueError(f"{row['run']} has no evaluation")
-    if bits_as_integers(config["task"]):
-        rows = rows.assign(bits=rows["bits"].astype(np.int64))
-    found = check(rows, config["task"])
+        raise ValueError(f"{name} has no evaluation")
+    evaluations, layers = check(rows, config["task"])
+    epoch, steps = (int(layers[column].iloc[-1]) for column in ("epoch", "steps"))
     if not every_goal:
-        found = replace(found, episodes=found.episodes[-1:], episodes_unsatisfied=found.episodes_unsatisfied[-1:])
-    if row["complete"] and found.epoch[-1] != config["epochs"]:
-        raise ValueError(f"{row['run']} has {found.epoch[-1]} of {config['epochs']} epochs and is said to be complete")
-    for name in _NUMBERS:
-        if not (0 <= row[name] < LARGEST_NUMBER or (np.isnan(row[name]) and not row["complete"])):
-            raise ValueError(f"{name} of {row['run']} is {row[name]}, which cannot be")
-    values = {name: config[name] for name in ("task", "seed", "robot", "preset", "epochs")}
-    values |= {"method": shown(config["method"]), "complete": row["complete"]}
-    values |= {name: row[name] for name in _TEXT if name != "run"}
-    values |= {"epoch": int(found.epoch[-1]), "steps": int(found.steps[-1]), "updates": int(row["updates"])}
+        evaluations = evaluations[evaluations["epoch"] == epoch]
+    if row["complete"] and epoch != config["epochs"]:
+        raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
+    for column in _NUMBERS:
+        if not (0 <= row[column] < LARGEST_NUMBER or (np.isnan(row[column]) and not row["complete"])):
+            raise ValueError(f"{column} of {name} is {row[column]}, which cannot be")
+    values = columns_of(config) | {column: row[column] for column in _TEXT[1:]}
+    values |= {"complete": row["complete"], "epoch": epoch, "steps": steps, "updates": int(row["updates"])}
     values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
+    file = folder / CONFIGS / f"{name}.json"
     progress = pd.DataFrame() if details is None else _own_columns(details)
-    config_file = folder / CONFIGS / f"{row['run']}.json"
-    head = Head(folder / row["run"], config, values, None, config_file, row["method_sha256"])
-    return Run(head, values, found.detailed(), found.layers(), progress)
+    return Run(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)
 
 
 def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:
