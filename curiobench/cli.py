@@ -102,7 +102,7 @@ def table(arguments: Sequence[str]) -> None:
     from curiobench.analysis.frames import check_named
 
     check_named(parsed.runs)
-    from curiobench.analysis.table_command import show_tables
+    from curiobench.analysis.formats import show_tables
 
     show_tables(parsed)
 
@@ -204,7 +204,7 @@ def submit_check(arguments: Sequence[str]) -> None:
 
     parsed = parse(SubmitCheckArguments, "submit-check", arguments)
     from curiobench.analysis.frames import check_named
-    from curiobench.analysis.submit_check import submit_check
+    from curiobench.analysis.rules import submit_check
 
     check_named(parsed.runs)
     title, findings = submit_check(parsed.runs, parsed.against)

@@ -10,12 +10,12 @@ from types import FrameType
 from typing import Self
 
 from curiobench import checkpoint
+from curiobench.analysis.canvas import draw_learning_curve
 from curiobench.config import RunConfig
 from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed
 from curiobench.evaluation import Evaluation, Evaluator
 from curiobench.learned_goals import format_layers, last_evaluation, learned_by_layer
-from curiobench.learning_curve import draw_learning_curve
 from curiobench.methods.process import tune_process
 from curiobench.records import progress_row, result
 from curiobench.run_folder import RunFolder, read_record, read_rows, versions

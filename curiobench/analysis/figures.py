@@ -7,20 +7,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.comparison import draw_comparison
-from curiobench.analysis.curves import draw_bonus, draw_exploitation, draw_learned, draw_success
-from curiobench.analysis.heat_map import draw_heat_map
-from curiobench.analysis.profiles import draw_profile
+from curiobench.analysis.canvas import FORMATS, save
+from curiobench.analysis.comparison import draw_comparison, draw_heat_map
+from curiobench.analysis.curves import draw_bonus, draw_exploitation, draw_learned, draw_profile, draw_success
+from curiobench.analysis.frames import Results
+from curiobench.analysis.options import count_partial
+from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import seed_warnings
-from curiobench.analysis.style import base, caption, method_name, seeds, theme
-from curiobench.canvas import FORMATS, save
+from curiobench.analysis.style import base, caption, count, method_name, theme
 from curiobench.workers import no_collection, parallel_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from curiobench.analysis.frames import Results
 
 Samples = Sequence[Sample]
 
@@ -31,7 +30,10 @@ class Kind:
 
     draw: Callable[[TaskSamples, Samples], list["Figure"]]
     caption: str
-    seeds: str
+    """What it shows, in the figure itself."""
+    in_report: str
+    """What it shows, below it in a report."""
+    seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
     """How the seeds are in it, where there are several."""
     methods: tuple[str, ...] | None = None
     """Methods in it; None for all."""
@@ -44,31 +46,48 @@ class Kind:
         return known and (self.methods is None or sample.method in self.methods)
 
 
-_LINES = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
-_SUCCESS = Kind(draw_success, "Success from plain starts, mean over goals", _LINES)
-_EXPLOITATION = Kind(
-    draw_exploitation,
-    "Share of training steps at which the exploitation policy π_d acted",
-    _LINES,
-    column="share_exploitation",
-)
-
 KINDS = MappingProxyType(
     {
-        "learning-curves": _SUCCESS,
-        "learned-goals": Kind(draw_learned, "Goals with a success above 80 %", _LINES),
-        "exploitation": _EXPLOITATION,
+        "learning-curves": Kind(
+            draw_success,
+            "Success from plain starts, mean over goals",
+            "Success at evaluations over training: mean over seeds and goals, of all goals and of each layer; bands "
+            "are 95 % bootstrap intervals over seeds.",
+        ),
+        "learned-goals": Kind(
+            draw_learned,
+            "Goals with a success above 80 %",
+            "Number of goals whose success is above 80 %, over training.",
+        ),
+        "exploitation": Kind(
+            draw_exploitation,
+            "Share of training steps at which the exploitation policy π_d acted",
+            "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
+            column="share_exploitation",
+        ),
         "bonus": Kind(
             draw_bonus,
             "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
-            _LINES,
+            "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
             column="bonus_spread",
         ),
-        "heat-map": Kind(draw_heat_map, "Success of each goal at the last evaluation", "Mean over {seeds}"),
-        "profile": Kind(draw_profile, "Share of goals and seeds that end above a success of τ", _LINES),
+        "heat-map": Kind(
+            draw_heat_map,
+            "Success of each goal at the last evaluation",
+            "Success of each goal at the last evaluation, mean over seeds.",
+            "Mean over {seeds}",
+        ),
+        "profile": Kind(
+            draw_profile,
+            "Share of goals and seeds that end above a success of τ",
+            "Performance profile: the share of goals and seeds whose final success is above τ. Higher is better, at "
+            "every τ.",
+        ),
         "comparison": Kind(
             draw_comparison,
             "The last evaluation, and success averaged over training; dotted: success before training",
+            "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small dots are "
+            "seeds.",
             "Large: mean over {seeds} and its 95 % bootstrap interval; small: each seed",
         ),
     }
@@ -77,16 +96,19 @@ KINDS = MappingProxyType(
 
 PAPER = MappingProxyType(
     {
-        "figure-4": replace(_SUCCESS, methods=("sac", "icm", "rnd", "dac", "re3", "mihm")),
-        "figure-6c": _EXPLOITATION,
-        "figure-7": replace(_SUCCESS, methods=("icm+hm", "rnd+hm", "mi", "mihm")),
+        "figure-4": replace(KINDS["learning-curves"], methods=CURIOUS),
+        "figure-6c": KINDS["exploitation"],
+        "figure-7": replace(KINDS["learning-curves"], methods=ABLATIONS),
     }
 )
 """Figures of the paper, and the methods in them."""
 
+_Chosen = tuple[str, Kind, TaskSamples, Samples]
+"""A figure that is to be drawn: the name of its files, its kind, its task, and the samples in it."""
+
 
 def draw_figures(
-    results: "Results",
+    results: Results,
     out: Path,
     like: str | None = None,
     formats: Sequence[str] = ("pdf", "png"),
@@ -112,9 +134,13 @@ def draw_figures(
         raise ValueError(f"like is {like!r}; it can be 'paper'")
     if unknown := sorted(set(formats) - set(FORMATS)):
         raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
-    chosen = [figure for task in task_samples(results) for figure in _chosen(task, like)]
+    chosen: list[_Chosen] = []
+    for task in task_samples(results):
+        for name, kind in (PAPER if like else KINDS).items():
+            if samples := [sample for sample in task.samples if kind.shows(sample)]:
+                chosen.append((f"{task.task}-{name}", kind, task, samples))
     if not chosen:
-        raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(PAPER['figure-4'].methods)}")
+        raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(CURIOUS)}")
     try:
         out.mkdir(parents=True, exist_ok=True)
         with theme():
@@ -124,48 +150,27 @@ def draw_figures(
     return [file for of_one in files for file in of_one]
 
 
-@dataclass(frozen=True)
-class _Chosen:
-    """A figure that is to be drawn."""
-
-    name: str
-    """Of its files, without page and suffix."""
-    kind: Kind
-    """How it is drawn."""
-    task: TaskSamples
-    """All samples of its task."""
-    samples: Samples
-    """Those in it."""
-
-
-def _chosen(task: TaskSamples, like: str | None) -> list[_Chosen]:
-    """The figures of a task that have samples."""
-    chosen = []
-    for name, kind in (PAPER if like else KINDS).items():
-        if samples := [sample for sample in task.samples if kind.shows(sample)]:
-            chosen.append(_Chosen(f"{task.task}-{name}", kind, task, samples))
-    return chosen
-
-
 @no_collection()
 def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     """Draw one figure and save its pages."""
-    pages = chosen.kind.draw(chosen.task, chosen.samples)
+    name, kind, task, samples = chosen
+    pages = kind.draw(task, samples)
     files = []
     for number, figure in enumerate(pages, start=1):
-        caption(figure, _caption(chosen.task, chosen.kind, chosen.samples))
-        page = chosen.name if len(pages) == 1 else f"{chosen.name}-{number}"
-        files += save(figure, out / page, formats)
+        caption(figure, _caption(task, kind, samples))
+        files += save(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
     return files
 
 
 def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
-    """What is drawn, of which runs, how many they are, and the whole specs of methods whose class stands for them."""
-    counts = sorted({sample.n_seeds for sample in samples})
-    number = seeds(counts[0]) if len(counts) == 1 else f"{counts[0]} to {seeds(counts[-1])}"
-    shown = kind.seeds.format(seeds=number) if counts[-1] > 1 else "1 seed, no interval"
-    parts = [f"{kind.caption}; {task.about}", shown]
-    if counts[-1] > 1:
+    """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
+    low, high = (end(sample.n_seeds for sample in samples) for end in (min, max))
+    number = count(low, "seed") if low == high else f"{low} to {count(high, 'seed')}"
+    about = f"{task.task}, {task.scale}"
+    if partial_runs := count_partial(task.runs):
+        about += f"; {partial_runs} of {len(task.runs)} runs are partial, and curves end where a run of the method does"
+    parts = [f"{kind.caption}; {about}", kind.seeds.format(seeds=number) if high > 1 else "1 seed, no interval"]
+    if high > 1:
         parts += seed_warnings([(method_name(sample.method), sample.n_seeds) for sample in samples])
     names = {base(sample.method) for sample in samples if ":" in sample.method}
     parts += [f"{method_name(name)} is {name}" for name in sorted(names) if method_name(name) != name]

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from curiobench.analysis.canvas import new_figure
 from curiobench.analysis.samples import Sample
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import OTHERS, SMALL, TEXT, TEXT_WIDTH, base, labels, method_name, styles
-from curiobench.canvas import new_figure
+from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, base, labels, method_name, styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import XAxis, YAxis
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 OVERLAID = 6
 """Most lines that can still be told apart in one panel."""
@@ -66,7 +65,7 @@ def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -
     Returns:
         One figure; several where small multiples need more than a page.
     """
-    curves = _Curves(samples)
+    curves = _Curves(samples, panels)
     panels = _closer(curves, panels)
     if len(samples) <= OVERLAID:
         return [_overlaid(curves, panels, axis)]
@@ -77,57 +76,49 @@ def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -
 
 def _closer(curves: "_Curves", panels: Sequence[Panel]) -> list[Panel]:
     """Panels whose axes end at the same share of their largest values, a smaller one where all curves are low."""
-    highest = max(curves.highest(sample, panel) / panel.top for sample in curves.samples for panel in panels)
+    tops = {panel.title: panel.top for panel in panels}
+    highest = max(max(mean.max(), high.max()) / tops[title] for (_, title), (_, mean, _, high) in curves.known.items())
     share = next((share for share in CLOSER if highest <= 0.9 * share), 1.0)
     least = 2 if panels[0].top > 1 else 0  # counts keep whole numbers
     return [replace(panel, top=max(share * panel.top, least)) for panel in panels]
 
 
 class _Curves:
-    """Draws samples, each in its own look, and computes each mean and band once."""
+    """Draws samples, each in its own look.
 
-    def __init__(self, samples: Sequence[Sample]) -> None:
+    Attributes:
+        known: x, mean over seeds and its interval, `(X,)` each, by sample and title of the panel.
+    """
+
+    def __init__(self, samples: Sequence[Sample], panels: Sequence[Panel]) -> None:
         self.samples = samples
         self.names, self.styles = labels(samples), styles(samples)
-        self._known: dict[tuple[Sample, str], tuple[np.ndarray, ...]] = {}
+        self.known: dict[tuple[Sample, str], tuple[np.ndarray, ...]] = {}
+        for sample in samples:
+            for panel in panels:
+                x, values = panel.values(sample)
+                interval = curve_interval(values) if sample.n_seeds > 1 else (values[0], values[0])
+                self.known[sample, panel.title] = (x, values.mean(0), *interval)
 
     def draw(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
-        """Line and band of a sample, markers where those of the other samples are not."""
-        x, mean, low, high = self._curve(sample, panel)
+        """Line and band of a sample, with about five markers where those of the other samples are not."""
+        x, mean, low, high = self.known[sample, panel.title]
         style = self.styles[sample]
         if sample.n_seeds > 1:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.16, linewidth=0)
-        marks = self._marked(sample, len(x))
+        gap = max(1, len(x) // 5)
+        shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
+        marks = list(range(min(shift, len(x) - 1), len(x), gap))
         axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers stay whole
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
-        x, mean, *_ = self._curve(sample, panel)
-        axes.plot(x, mean, **OTHERS)
+        """Line of a sample that others are seen against."""
+        x, mean, *_ = self.known[sample, panel.title]
+        axes.plot(x, mean, **GREY)
 
-    def highest(self, sample: Sample, panel: Panel) -> float:
-        """Largest value of line and band."""
-        _, mean, _, high = self._curve(sample, panel)
-        return max(mean.max(), high.max())
-
-    def handles(self) -> list["Line2D"]:
-        """Entries of a legend, in the order of the samples."""
-        from matplotlib.lines import Line2D
-
-        return [Line2D([], [], label=self.names[sample], **self.styles[sample]) for sample in self.samples]
-
-    def _curve(self, sample: Sample, panel: Panel) -> tuple[np.ndarray, ...]:
-        key = (sample, panel.title)
-        if key not in self._known:
-            x, values = panel.values(sample)
-            interval = curve_interval(values) if sample.n_seeds > 1 else (values[0], values[0])
-            self._known[key] = (x, values.mean(0), *interval)
-        return self._known[key]
-
-    def _marked(self, sample: Sample, points: int) -> list[int]:
-        """Positions of about five markers, shifted from sample to sample."""
-        gap = max(1, points // 5)
-        shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
-        return list(range(min(shift, points - 1), points, gap))
+    def looks(self, samples: Sequence[Sample]) -> list[dict]:
+        """Names and looks for the legend, in the order of all samples."""
+        return [{"label": self.names[s], **self.styles[s]} for s in self.samples if s in samples]
 
 
 def _overlaid(curves: _Curves, panels: Sequence[Panel], axis: Axis) -> "Figure":
@@ -140,7 +131,7 @@ def _overlaid(curves: _Curves, panels: Sequence[Panel], axis: Axis) -> "Figure":
             curves.draw(axes, sample, panel)
         _finish(axes, panel, axis, bins=5 if columns < COLUMNS else 4, first=number % columns == 0)
         axes.set_title(f"{chr(ord('A') + number)}  {panel.title}" if len(panels) > 1 else panel.title)
-    _surround(figure, axis, curves.handles())
+    _surround(figure, axis, curves.looks(curves.samples))
     return figure
 
 
@@ -157,11 +148,23 @@ def _multiples(curves: _Curves, groups: Sequence[Sequence[Sample]], panels: Sequ
         for sample in group:
             curves.draw(axes, sample, panel)
         _finish(axes, panel, axis, bins=4 if columns <= COLUMNS else 3, first=number % columns == 0)
-        _name_field(axes, panel, curves, group, number if len(panels) > 1 else None, columns)
-    shown = {sample for group in groups for sample in group}
-    handles = [h for h, sample in zip(curves.handles(), curves.samples, strict=True) if sample in shown]
-    _surround(figure, axis, [*handles, _grey_handle()])
+        name = _name_of(curves, group)
+        if len(panels) == 1:
+            axes.set_title(textwrap.shorten(name, 34))
+            continue
+        if number < columns:
+            axes.set_title(panel.title)
+        if number % columns == 0:
+            axes.set_ylabel(textwrap.fill(_WORDS.sub(" ", name) if len(name) > 15 else name, 15), fontsize=SMALL)
+    drawn = [sample for group in groups for sample in group]
+    _surround(figure, axis, [*curves.looks(drawn), {"label": "all others", **GREY}])
     return figure
+
+
+def _name_of(curves: _Curves, group: Sequence[Sample]) -> str:
+    """What a group is called: its curiosity method, or the name of its only sample of that method."""
+    of_method = [sample for sample in group if base(sample.method) == base(group[-1].method)]
+    return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]]
 
 
 def _grid(figure: "Figure", columns: int, count: int) -> list["Axes"]:
@@ -171,7 +174,7 @@ def _grid(figure: "Figure", columns: int, count: int) -> list["Axes"]:
     for number in range(count):
         axes = figure.add_subplot(grid[divmod(number, columns)], sharex=found[0] if found else None)
         axes.tick_params(labelbottom=number + columns >= count)
-        if axes.xaxis.get_tick_params()["labelbottom"] and number // columns < (count - 1) // columns:
+        if number + columns >= count and number // columns < (count - 1) // columns:
             axes.xaxis.set_in_layout(False)  # its numbers have the empty field below for themselves
             figure.get_layout_engine().set(rect=(0, 0, 0.975, 1), w_pad=0.12)
         found.append(axes)
@@ -199,45 +202,22 @@ def number_axis(axis: "XAxis | YAxis", top: float) -> None:
     axis.set_major_formatter("{x:g}")
 
 
-def _name_field(
-    axes: "Axes", panel: Panel, curves: _Curves, group: Sequence[Sample], number: int | None, columns: int
-) -> None:
-    """Write whose field it is: beside the row, below the panels' titles, or above the field where `number` is None."""
-    name = method_name(base(group[-1].method))
-    if sum(base(sample.method) == base(group[-1].method) for sample in group) < 2:
-        name = curves.names[group[-1]]
-    if number is None:
-        axes.set_title(textwrap.shorten(name, 34))
-        return
-    if number < columns:
-        axes.set_title(panel.title)
-    if number % columns == 0:
-        axes.set_ylabel(textwrap.fill(_WORDS.sub(" ", name) if len(name) > 15 else name, 15), fontsize=SMALL)
-
-
-def _surround(figure: "Figure", axis: Axis, handles: Sequence["Line2D"]) -> None:
+def _surround(figure: "Figure", axis: Axis, looks: Sequence[dict]) -> None:
     """Names of the axes and a legend above all panels."""
+    from matplotlib.lines import Line2D
+
     figure.supylabel(axis.y, fontsize=TEXT, parse_math=True)
     for axes in figure.axes:
         if axes.xaxis.get_tick_params()["labelbottom"]:
             axes.set_xlabel(axis.x)
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    columns = max(1, min(len(handles), int(figure.get_figwidth() * 15 / (longest + 7))))
-    figure.legend(handles=_by_rows(handles, columns), loc="outside upper center", ncols=columns, handlelength=3)
-
-
-def _by_rows(handles: Sequence["Line2D"], columns: int) -> list["Line2D"]:
-    """Handles in the order in which a legend, which fills column by column, shows them row by row."""
-    rows = -(-len(handles) // columns)
-    full = len(handles) - columns * (rows - 1)
-    sizes = [rows if column < full else rows - 1 for column in range(columns)]
-    return [handles[row * columns + column] for column, size in enumerate(sizes) for row in range(size)]
-
-
-def _grey_handle() -> "Line2D":
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label="all others", **OTHERS)
+    longest = max(len(look["label"]) for look in looks)
+    columns = max(1, min(len(looks), int(figure.get_figwidth() * 15 / (longest + 7))))
+    rows = -(-len(looks) // columns)
+    full = len(looks) - columns * (rows - 1)
+    # a legend fills column by column; this order shows the entries row by row
+    order = [row * columns + column for column in range(columns) for row in range(rows - (column >= full))]
+    handles = [Line2D([], [], **looks[place]) for place in order]
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=3)
 
 
 def _groups(samples: Sequence[Sample]) -> list[list[Sample]]:

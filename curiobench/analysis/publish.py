@@ -6,16 +6,13 @@ import io
 import re
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, look
+import pandas as pd
+
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, is_published
 from curiobench.analysis.frames import Results, read_results
 from curiobench.files import replace_file, sync_folder
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DERIVED = ("tables", "figures", "report.html")
 """What is made from the rows, and can be made again."""
@@ -28,8 +25,8 @@ _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
 def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
     """Write the published set of runs.
 
-    The set is written beside its place and renamed when it is whole. Where there is one already, files in it that are
-    not written here, such as a README, are kept.
+    The set is written beside its place and renamed when it is complete. Where there is one already, files in it that
+    are not written here, such as a README, are kept.
 
     Args:
         paths: run folders, folders of run folders (such as a grid's), published sets. A run that was made longer takes
@@ -45,10 +42,9 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
         ValueError: a folder is missing, broken, partial, a duplicate or foreign, a run's code is not a commit, or `out`
             holds something else or cannot be written; names each. What is at `out` is left as it is.
     """
-    results = _read(paths)
-    if not allow_dirty and (faults := _unknown_code(results.runs)):
-        raise ValueError(f"not published: {'; '.join(faults)}; --allow-dirty takes them all the same")
-    configs = _configs(results)
+    results = read_results(paths, longest=True)
+    _check_runs(results, allow_dirty)
+    configs = {run: file.read_bytes() for run, file in results.checked_config_files().items()}
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
@@ -61,7 +57,10 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
             _write(new, results, configs)
             derive(new)
             _keep_others(place, new)
-            _swap(place, old, new)
+            if place.exists():
+                place.rename(old)
+            new.rename(place)
+            sync_folder(place.parent)
         finally:
             _tidy(place, old, new)
     except OSError as error:
@@ -70,32 +69,23 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
 
 
-def _read(paths: Sequence[Path]) -> Results:
-    results = read_results(paths, longest=True)
+def _check_runs(results: Results, allow_dirty: bool) -> None:
+    """Raises ValueError where not all runs can be published."""
     if results.faults:
         raise ValueError(f"not published: {'; '.join(results.faults)}")
-    if not len(results.runs):
+    if results.runs.empty:
         raise ValueError("name at least one run folder")
-    return results
-
-
-def _unknown_code(runs: "pd.DataFrame") -> list[str]:
-    """One line on each run whose code is not that of a commit."""
-    return [
+    dirty = [
         f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
-        for run, commit in zip(runs["run"], runs["git_commit"], strict=True)
+        for run, commit in zip(results.runs["run"], results.runs["git_commit"], strict=True)
         if not _COMMITS.fullmatch(commit)
     ]
-
-
-def _configs(results: Results) -> dict[str, bytes]:
-    """What config.json holds, by run; raises ValueError where run folders' names cannot be those of files."""
-    names = list(results.runs["run"])
-    if odd := [name for name in names if not _PLAIN.fullmatch(name)]:
+    if dirty and not allow_dirty:
+        raise ValueError(f"not published: {'; '.join(dirty)}; --allow-dirty takes them all the same")
+    if odd := [run for run in results.runs["run"] if not _PLAIN.fullmatch(run)]:
         raise ValueError(
             f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
         )
-    return {name: file.read_bytes() for name, file in results.checked_config_files().items()}
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:
@@ -105,14 +95,6 @@ def _tidy(out: Path, old: Path, new: Path) -> None:
     for rest in (old, new):
         if rest.exists():
             shutil.rmtree(rest)
-
-
-def _swap(out: Path, old: Path, new: Path) -> None:
-    """Put the new set in its place."""
-    if out.exists():
-        out.rename(old)
-    new.rename(out)
-    sync_folder(out.parent)
 
 
 def _keep_others(out: Path, new: Path) -> None:
@@ -130,42 +112,30 @@ def _check_place(out: Path, results: Results, replace: bool) -> None:
     """Raises ValueError where something is at `out` that the set must not take the place of."""
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
-    if not _is_published(out):
+    if not is_published(out):
         raise ValueError(f"{out} exists and is no published set")
     if replace:
         return
     check_sums(out)
-    if faults := _lost(read_results([out]), results):
-        raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
-
-
-def _is_published(path: Path) -> bool:
-    try:
-        return path.is_dir() and look(path).published
-    except ValueError:
-        return False
-
-
-def _lost(old: Results, new: Results) -> list[str]:
-    """One line on each run of the old set whose numbers the new one has not got, be it in a longer run."""
-    faults = list(old.faults)
-    theirs, ours = _rows_of_runs(old), _rows_of_runs(new)
+    there = read_results([out])
+    faults, (theirs, ours) = list(there.faults), map(_rows_of_runs, (there, results))
     for run, rows in theirs.items():
         if run not in ours:
             faults.append(f"its run {run} would be lost")
-        elif not rows.equals(ours[run][: len(rows)]):
+        elif not rows.equals(ours[run][: len(rows)]):  # the new rows may be those of a longer run
             faults.append(f"its run {run} would get other numbers")
-    return faults
+    if faults:
+        raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
 
 
-def _rows_of_runs(results: Results) -> dict[str, "pd.DataFrame"]:
+def _rows_of_runs(results: Results) -> dict[str, pd.DataFrame]:
     """The numbers of each run's evaluations."""
     columns = ["epoch", "steps", "success", "episodes", "success_unsatisfied", "episodes_unsatisfied"]
     groups = results.evaluations.groupby("run", observed=True)[columns]
     return {str(run): rows.reset_index(drop=True) for run, rows in groups}
 
 
-def _frames(results: Results) -> dict[str, "pd.DataFrame"]:
+def _frames(results: Results) -> dict[str, pd.DataFrame]:
     """What a set holds, by file."""
     return dict(zip(PUBLISHED_FILES, (results.runs, results.evaluations, results.progress), strict=True))
 
@@ -175,26 +145,23 @@ def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None
     texts = {name: frame.to_csv(index=False, lineterminator="\n").encode() for name, frame in _frames(results).items()}
     data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
     data |= {f"{CONFIGS}/{run}.json": content for run, content in configs.items()}
-    (folder / CONFIGS).mkdir()
-    for name, content in data.items():
-        replace_file(folder / name, lambda file, content=content: file.write(content))
     sums = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(data.items()))
-    replace_file(folder / SUMS, lambda file: file.write(sums.encode()))
+    (folder / CONFIGS).mkdir()
+    for name, content in (data | {SUMS: sums.encode()}).items():
+        replace_file(folder / name, lambda file, content=content: file.write(content))
 
 
 def derive(folder: Path) -> None:
     """Write the tables, figures and the report of a published set into it, as the commands of these names do."""
     from curiobench.analysis.figures import draw_figures
+    from curiobench.analysis.formats import make_tables, write_tables
     from curiobench.analysis.paper import LEARNED
     from curiobench.analysis.report import write_report
-    from curiobench.analysis.table_command import show_tables
-    from curiobench.arguments import TableArguments
     from curiobench.workers import cores
 
-    results = read_results([folder])
+    results = read_results([folder], every_goal=False)
     for like in (None, "paper") if LEARNED.keys() & set(results.runs["method"]) else (None,):
-        with redirect_stdout(io.StringIO()):
-            show_tables(TableArguments((folder,), like, out=folder / "tables"))
+        write_tables(folder / "tables", make_tables(results, like), results)
     draw_figures(results, folder / "figures", processes=cores())
     write_report([folder], folder / "report.html", processes=cores())
 

@@ -2,39 +2,41 @@
 
 import base64
 import hashlib
+import re
+import tempfile
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.frames import read_results
-from curiobench.analysis.report_cells import cells_of
-from curiobench.analysis.report_figures import pictures
-from curiobench.analysis.report_goals import task_cards
-from curiobench.analysis.report_options import options
-from curiobench.analysis.report_runs import RUN_HEADINGS, run_rows
-from curiobench.analysis.report_summary import summary, title_of
-from curiobench.analysis.report_tables import tables
-from curiobench.analysis.report_text import DEFINITIONS, citation
-from curiobench.analysis.samples import LOGGED
+from curiobench.analysis.formats import check_baseline
+from curiobench.analysis.frames import Results, read_results
+from curiobench.analysis.report_data import (
+    RUN_HEADINGS,
+    goal_cards,
+    listed,
+    options,
+    run_rows,
+    sentences,
+    shown_table,
+    warnings,
+)
+from curiobench.analysis.samples import LOGGED, task_samples
+from curiobench.analysis.summaries import summarise
+from curiobench.analysis.tables import method_tables
 from curiobench.files import replace_file
-from curiobench.methods.specs import shown
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from curiobench.analysis.frames import Results
+PIXELS_A_POINT = 4 / 3 * 1.25
+"""Of a figure, which is shown at most a quarter larger than on paper."""
 
-SECTIONS = (
-    ("results", "Results"),
-    ("figures", "Figures"),
-    ("goals", "Goal by goal"),
-    ("options", "Options"),
-    ("runs", "Runs and commands"),
-    ("method", "How the numbers are made"),
-)
-"""Anchors of the page and their names."""
+_COORDINATES = re.compile(rb'( (?:d|x|y|width|height)="|translate\()([^")]*)')
+_LONG = re.compile(rb"-?\d+\.\d{2,}")
+_UNSEEN = re.compile(rb'<metadata>.*?</metadata>|<!--.*?-->|\n\s*(?=\n)|(?<=<g) id="\w+_\d+"', re.DOTALL)
+"""Parts of an SVG that show nothing; `id` of groups, to which nothing refers."""
 
 
 def write_report(
@@ -44,13 +46,13 @@ def write_report(
     partial: bool = False,
     baseline: str | None = None,
     processes: int = 1,
-) -> "Results":
+) -> Results:
     """Write a report on runs.
 
     Args:
         paths: run folders, folders of run folders, published sets.
         out: file to write; replaced if it is there.
-        title: of the page; told from the data if None.
+        title: of the page; made from the data if None.
         partial: also take runs that are not finished.
         baseline: method that the others are compared with; sac, where there are runs of it, if None.
         processes: how many read and draw side by side; the page does not depend on it.
@@ -66,10 +68,7 @@ def write_report(
     results = read_results(paths, partial, False, LOGGED, processes)
     if results.runs.empty:
         raise ValueError("; ".join(["no run to report on", *results.faults]))
-    methods = list(dict.fromkeys(results.runs["method"]))
-    if baseline and shown(baseline) not in methods:
-        raise ValueError(f"no run is of the baseline {baseline!r}; there are {', '.join(methods)}")
-    page = render(results, title, shown(baseline or "sac"), processes).encode()
+    page = render(results, title, check_baseline(results, baseline), processes).encode()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_file(out, lambda file: file.write(page))
@@ -78,31 +77,28 @@ def write_report(
     return results
 
 
-def render(results: "Results", title: str | None = None, baseline: str = "sac", processes: int = 1) -> str:
+def render(results: Results, title: str | None = None, baseline: str = "sac", processes: int = 1) -> str:
     """The page as HTML; the same text for the same runs. Raises ValueError where there is nothing to draw."""
-    return _template().render(**_contents(results, title, baseline, processes), **_inlined())
-
-
-def _contents(results: "Results", title: str | None, baseline: str, processes: int) -> dict[str, Any]:
-    """What the template shows; text as it is, for the template escapes it."""
-    runs, opening = results.runs, summary(results)
-    return {
-        "title": title or title_of(results),
-        "sections": SECTIONS,
-        "summary": opening,
-        "faults": results.faults,
-        "baseline": baseline,
-        "compared": runs["method"].nunique() > 1 and baseline in set(runs["method"]),
-        "tables": tables(results, baseline, told=opening.warnings),
-        "figures": pictures(results, processes),
-        "tasks": task_cards(results),
-        "options": options(runs),
-        "methods": list(dict.fromkeys(cell.label for cell in cells_of(runs))),
-        "runs": run_rows(runs),
-        "run_headings": RUN_HEADINGS,
-        "definitions": DEFINITIONS,
-        "citation": citation(sorted({str(version) for version in runs["curiobench"] if version})),
-    }
+    tasks = task_samples(results)
+    samples = [sample for task in tasks for sample in task.samples]
+    opening, methods = warnings(results, tasks), {sample.method for sample in samples}
+    return _template().render(  # which escapes all texts
+        title=title or f"Curiosity methods on {listed(task.task for task in tasks)}",
+        sentences=sentences(results, tasks),
+        warnings=opening,
+        faults=results.faults,
+        baseline=baseline,
+        compared=len(methods) > 1 and baseline in methods,
+        tables=[shown_table(table, opening) for table in method_tables(summarise(tasks, baseline), baseline)],
+        figures=pictures(results, processes),
+        tasks=[goal_cards(task) for task in tasks],
+        options=options(samples),
+        methods=list(dict.fromkeys(sample.label for sample in samples)),
+        runs=run_rows(samples),
+        run_headings=RUN_HEADINGS,
+        versions=sorted({str(version) for version in results.runs["curiobench"] if version}),
+        **_inlined(),
+    )
 
 
 @cache
@@ -121,3 +117,37 @@ def _inlined() -> dict[str, Any]:
     style, script = ((files("curiobench.analysis") / "page" / name).read_text() for name in ("page.css", "page.js"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return {"style": Markup(style), "script": Markup(script), "script_digest": digest}
+
+
+def pictures(results: Results, processes: int = 1) -> list[dict[str, Any]]:
+    """All figures of the runs, as data URIs with captions; raises ValueError as `draw_figures`."""
+    from curiobench.analysis.figures import draw_figures
+
+    with tempfile.TemporaryDirectory(prefix="curiobench-report-") as folder:
+        paths = draw_figures(results, Path(folder), formats=("svg",), processes=processes)
+        return [_picture(path) for path in paths]
+
+
+def _picture(path: Path) -> dict[str, Any]:
+    """A figure for the template; `width` and `height` are the largest, in pixels."""
+    from curiobench.analysis.figures import KINDS
+
+    content = _shortened(path.read_bytes())
+    task, _, name = path.stem.partition("-")
+    caption = f"{task}: {KINDS[re.sub('-[0-9]+$', '', name)].in_report}"
+    sizes = {side: re.search(rb'<svg[^>]* %s="([\d.]+)' % side.encode(), content) for side in ("width", "height")}
+    return {
+        "source": f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}",
+        "caption": caption,
+        "alt": f"{caption} The tables of this page hold the last values.",
+        **{side: round(float(points[1]) * PIXELS_A_POINT) for side, points in sizes.items()},
+    }
+
+
+def _shortened(svg: bytes) -> bytes:
+    """An SVG of matplotlib's with coordinates to a tenth of a point, a third smaller; no difference can be seen."""
+    return _UNSEEN.sub(b"", _COORDINATES.sub(lambda found: found[1] + _LONG.sub(_short, found[2]), svg))
+
+
+def _short(number: re.Match[bytes]) -> bytes:
+    return (b"%.1f" % float(number[0])).removesuffix(b".0")

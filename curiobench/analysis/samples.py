@@ -1,35 +1,37 @@
-"""What figures are drawn from: the runs of a method on a task, as arrays."""
+"""The runs of a method on a task as arrays: what tables, figures and reports are made from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from curiobench.analysis.frames import Results, in_order
 from curiobench.analysis.options import scale_of
-from curiobench.analysis.summaries import untrained
+from curiobench.analysis.statistics import area_under_curve
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-MOST_POINTS = 150
-"""Points that are drawn of one curve, evenly spread: a panel is no more than a few hundred dots wide."""
 LOGGED = ("share_exploitation", "bonus_spread")
 """Columns of progress.csv that figures draw."""
-CELL = ["method", "variant"]
-"""What the runs of a sample have in common, on one task."""
+GOOD_SUCCESS = 0.8
+"""Mean success over all goals from which a run counts as good; tables have how soon it is there."""
+_DECIMALS = 9
+"""Scores are rounded to so many, so that equal successes that were summed in another order are a tie."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
     """The runs of one method, and variant of it, on one task.
 
-    S seeds, E evaluations that all of them have, L layers of which the first is all goals together, G goals.
+    S seeds, E evaluations that all of them have, L layers of which the first is all goals together, G goals. The end of
+    a run is its own last evaluation, which is not among the E for partial runs only.
     """
 
+    task: str
     method: str
     variant: str
+    runs: pd.DataFrame
+    """Their rows of `Results.runs`."""
     epochs: np.ndarray
     """(E,) epochs completed at the evaluations."""
     success: np.ndarray
@@ -37,92 +39,107 @@ class Sample:
     learned: np.ndarray
     """(S, E, L) learned goals."""
     last_success: np.ndarray
-    """(S, L) as `success`, at each run's own last evaluation; other than `success[:, -1]` for partial runs only."""
+    """(S, L) as `success`, at each run's end."""
     last_learned: np.ndarray
-    """(S, L) as `learned`, in the same way."""
+    """(S, L) as `learned`, at each run's end."""
+    area: np.ndarray
+    """(S,) success over all goals, averaged over all of a run's training."""
+    reached: np.ndarray
+    """(S,) epochs until a success over all goals of `GOOD_SUCCESS`; NaN for never."""
     goal_success: np.ndarray
-    """(S, G) success of each goal at each run's last evaluation."""
+    """(S, G) success of each goal at each run's end."""
+    goal_learned: np.ndarray
+    """(S, G) 1 where that goal is learned, 0 elsewhere."""
     logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
     """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
 
     @property
     def n_seeds(self) -> int:
         """Its number of seeds."""
-        return len(self.success)
+        return len(self.runs)
+
+    @property
+    def label(self) -> str:
+        """Method and variant."""
+        return f"{self.method}, {self.variant}" if self.variant else self.method
 
 
-@dataclass(frozen=True)
+class Untrained(NamedTuple):
+    """What agents can do before they learn, mean over runs: a goal may hold at most starts."""
+
+    learned: float
+    """Goals with success above 80 %."""
+    success: float
+    """Mean over goals."""
+
+
+@dataclass(frozen=True, eq=False)
 class TaskSamples:
     """All samples of a task, in the order that methods have everywhere."""
 
     task: str
-    about: str
-    """Task and scale, and a word on partial runs: for captions."""
-    untrained: float | None
-    """Success over all goals before training, mean over runs; None where they were not tested then."""
+    runs: pd.DataFrame
+    """The task's rows of `Results.runs`."""
+    scale: str
+    """Robot, preset, epochs and steps."""
+    untrained: Untrained | None
+    """None where agents were not tested before training."""
     goals: tuple[str, ...]
     """Names of the G goals."""
+    bits: tuple[str, ...]
+    """Their predicates."""
     goal_layers: np.ndarray
     """(G,) height of each goal's tallest stack, in blocks."""
-    layers: tuple[int, ...]
-    """The L layers of the samples; 0 is all goals together."""
-    sizes: tuple[int, ...]
-    """(L) goals of each."""
+    sizes: dict[int, int]
+    """Goals of each of the L layers; layer 0 is all goals together."""
     steps_per_epoch: float | None
     """Environment steps; None where runs differ in it."""
     samples: tuple[Sample, ...]
 
 
 def task_samples(results: Results) -> list[TaskSamples]:
-    """The samples of each task, tasks by name; runs that were not evaluated yet are left out.
+    """The samples of each task, tasks by name.
 
     Raises:
-        ValueError: no run that was evaluated, runs of one task with different goals, or runs of one method without a
-            common evaluation.
+        ValueError: no run, runs of one task with different goals, or runs of one method without a common evaluation.
     """
-    evaluated = results.runs[results.runs["run"].isin(results.layers["run"].unique())]
-    if evaluated.empty:
+    if results.runs.empty:
         raise ValueError("no run to draw" + "".join(f"; {fault}" for fault in results.faults))
-    return [_of_task(str(task), runs, results) for task, runs in evaluated.groupby("task")]
+    return [_of_task(str(task), runs, results) for task, runs in results.runs.groupby("task")]
 
 
-def thinned(count: int) -> np.ndarray:
-    """Positions of at most `MOST_POINTS` of `count` points, evenly spread, first and last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
-
-
-def _of_task(task: str, runs: "pd.DataFrame", results: Results) -> TaskSamples:
+def _of_task(task: str, runs: pd.DataFrame, results: Results) -> TaskSamples:
     evaluations, layers, progress = (
         frame[frame["task"] == task] for frame in (results.evaluations, results.layers, results.progress)
     )
-    goals = evaluations[evaluations["run"] == runs["run"].iloc[0]].drop_duplicates("goal")
-    sizes = dict(sorted(layers.groupby("layer")["goals"].first().items()))
-    cells = {cell: list(rows["run"]) for cell, rows in runs.groupby(CELL)}
-    place = {method: i for i, method in enumerate(in_order([method for method, _ in cells]))}
+    goals = evaluations[evaluations["run"] == runs["run"].iloc[0]].drop_duplicates("bits")
+    sizes = {int(layer): int(size) for layer, size in layers.groupby("layer")["goals"].first().items()}
+    groups = {key: rows for key, rows in runs.groupby(["method", "variant"])}
+    place = {method: i for i, method in enumerate(in_order([method for method, _ in groups]))}
     samples = []
-    for method, variant in sorted(cells, key=lambda cell: (place[cell[0]], cell[1])):
-        names = cells[method, variant]
+    for key in sorted(groups, key=lambda key: (place[key[0]], key[1])):
+        names = list(groups[key]["run"])
         curves = _curves(names, layers, list(sizes))
-        final = _goal_success(names, evaluations, list(goals["goal"]))
+        ends = _ends(names, evaluations, list(goals["bits"]))
         logged = {column: _logged(names, progress, column) for column in LOGGED}
-        samples.append(Sample(method, variant, *curves, final, logged))
+        samples.append(Sample(task, *key, groups[key], *curves, *ends, logged))
+    before = layers[(layers["epoch"] == 0) & (layers["layer"] == 0)]
     return TaskSamples(
         task=task,
-        about=_about(task, runs),
-        untrained=None if (before := untrained(results, task)) is None else before.success,
+        runs=runs,
+        scale=scale_of(runs),
+        untrained=Untrained(*(float(before[name].mean()) for name in Untrained._fields)) if len(before) else None,
         goals=tuple(map(str, goals["goal"])),
+        bits=tuple(map(str, goals["bits"])),
         goal_layers=goals["layer"].to_numpy(int),
-        layers=tuple(map(int, sizes)),
-        sizes=tuple(map(int, sizes.values())),
+        sizes=sizes,
         steps_per_epoch=_steps_per_epoch(runs),
         samples=tuple(samples),
     )
 
 
-def _curves(runs: Sequence[str], frame: "pd.DataFrame", layers: Sequence[int]) -> tuple[np.ndarray, ...]:
-    """`epochs`, `success`, `learned`, `last_success` and `last_learned` of a sample."""
-    import pandas as pd
-
+def _curves(runs: Sequence[str], frame: pd.DataFrame, layers: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """The fields of a sample from `epochs` to `reached`."""
     names = frame["run"].astype("category").cat
     place = pd.Index(runs).get_indexer(names.categories)  # of each category among the runs, -1 for those of others
     seed = place[names.codes]
@@ -134,37 +151,40 @@ def _curves(runs: Sequence[str], frame: "pd.DataFrame", layers: Sequence[int]) -
     known = ~np.isnan(grid[0]).any(axis=-1)  # (S, E)
     if not (common := known.all(axis=0)).any():
         raise ValueError(f"the runs {', '.join(runs)} have no evaluation of all goals in common")
-    last = len(epochs) - 1 - known[:, ::-1].argmax(axis=1)
-    return epochs[common], *grid[:, :, common], *grid[:, np.arange(len(runs)), last]
+    last_success, last_learned = grid[:, np.arange(len(runs)), len(epochs) - 1 - known[:, ::-1].argmax(axis=1)]
+    scores = [_over_training(epochs[own], values[own, 0]) for own, values in zip(known, grid[0], strict=True)]
+    area, reached = np.array(scores).T
+    return epochs[common], *grid[:, :, common], last_success, last_learned, area, reached
 
 
-def _goal_success(runs: Sequence[str], evaluations: "pd.DataFrame", goals: Sequence[str]) -> np.ndarray:
-    """Success (S, G) at each run's last evaluation."""
-    rows = evaluations.loc[evaluations["run"].isin(runs), ["run", "epoch", "goal", "success"]].astype({"run": str})
-    rows = rows[rows["epoch"] == rows.groupby("run")["epoch"].transform("max")].astype({"goal": str})
-    table = rows.pivot(index="run", columns="goal", values="success").reindex(runs)
-    if set(table.columns) != set(goals) or table.isna().to_numpy().any():
+def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, float]:
+    """Mean success over training, and the first epoch with good success, from `(E,)` evaluations of one run."""
+    success = np.round(success, _DECIMALS)
+    good = epochs[success >= GOOD_SUCCESS]
+    return np.round(area_under_curve(epochs, success), _DECIMALS), good[0] if len(good) else np.nan
+
+
+def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: Sequence[str]) -> list[np.ndarray]:
+    """`goal_success` and `goal_learned` of a sample."""
+    rows = evaluations.loc[evaluations["run"].isin(runs), ["run", "epoch", "bits", "success", "learned"]]
+    rows = rows.astype({"run": str, "bits": str})
+    rows = rows[rows["epoch"] == rows.groupby("run")["epoch"].transform("max")]
+    tables = [rows.pivot(index="run", columns="bits", values=name).reindex(runs) for name in ("success", "learned")]
+    if set(tables[0].columns) != set(goals) or tables[0].isna().to_numpy().any():
         raise ValueError(f"the runs {', '.join(runs)} have other goals than the first run of their task")
-    return table[list(goals)].to_numpy(float)
+    return [table[goals].to_numpy(float) for table in tables]
 
 
-def _logged(runs: Sequence[str], progress: "pd.DataFrame", column: str) -> tuple[np.ndarray, np.ndarray]:
+def _logged(runs: Sequence[str], progress: pd.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
     """Epochs (P,) of which all runs have a value in a column of progress.csv, and the values (S, P)."""
     if column not in progress:
         return np.empty(0, int), np.empty((len(runs), 0))
     rows = progress.loc[progress["run"].isin(runs), ["run", "epoch", column]].astype({"run": str})
-    table = rows.pivot(index="run", columns="epoch", values=column)
-    table = table.reindex(runs).dropna(axis="columns")
+    table = rows.pivot(index="run", columns="epoch", values=column).reindex(runs).dropna(axis="columns")
     return table.columns.to_numpy(int), table.to_numpy(float)
 
 
-def _about(task: str, runs: "pd.DataFrame") -> str:
-    partial = int((~runs["complete"].astype(bool)).sum())
-    note = f"; {partial} of {len(runs)} runs are partial, and curves end where a run of the method does"
-    return f"{task}, {scale_of(runs)}{note * (partial > 0)}"
-
-
-def _steps_per_epoch(runs: "pd.DataFrame") -> float | None:
+def _steps_per_epoch(runs: pd.DataFrame) -> float | None:
     known = runs[runs["epoch"] > 0]
     steps = (known["steps"] / known["epoch"]).to_numpy(float)
     return float(steps[0]) if len(steps) and np.allclose(steps, steps[0], rtol=1e-3) else None

@@ -5,7 +5,6 @@ same agent, such as of its goals: they stay together when seeds are resampled, b
 Everything is a function of its arguments: the bootstrap has a seed.
 """
 
-import inspect
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
@@ -16,11 +15,9 @@ RESAMPLES = 2_000
 ENOUGH_SEEDS = 10
 """With fewer, intervals are much too narrow: docs/results.md has their real coverage."""
 
+_ENDS = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 _BATCH = 500_000
 """Scores that are resampled at a time, few enough to stay in a processor's cache."""
-
-Statistic = Callable[..., np.ndarray | float]
-"""Of all its scores, in any order; with a keyword `axis` it is computed for all resamples at once."""
 
 
 def interquartile_mean(scores: np.ndarray, axis: int | None = None) -> np.ndarray | float:
@@ -37,7 +34,7 @@ def interquartile_mean(scores: np.ndarray, axis: int | None = None) -> np.ndarra
 
 def stratified_bootstrap(
     scores: np.ndarray,
-    statistic: Statistic,
+    statistic: Callable[..., np.ndarray],
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
     seed: int = 0,
@@ -46,7 +43,7 @@ def stratified_bootstrap(
 
     Args:
         scores: `(S, T)` or `(S, T, G)`.
-        statistic: of all scores together, such as `interquartile_mean` or `np.mean`.
+        statistic: of all scores, in any order, along an `axis`, such as `interquartile_mean` or `np.mean`.
         confidence: of the interval.
         resamples: number of bootstrap resamples.
         seed: of the resampling.
@@ -62,13 +59,10 @@ def stratified_bootstrap(
         return float("nan"), float("nan")
     from scipy import stats
 
-    vectorised = "axis" in inspect.signature(statistic).parameters
-
     def of_resamples(*chosen: np.ndarray, axis: int) -> np.ndarray:
         """Statistic `(R,)` of the seeds `(R, S)` that were drawn in each stratum."""
         drawn = [scores[seeds.astype(int), stratum] for stratum, seeds in enumerate(chosen)]  # (R, S) or (R, S, G) each
-        flat = np.stack(drawn, axis=1).reshape(len(drawn[0]), -1)
-        return statistic(flat, axis=-1) if vectorised else np.array([statistic(values) for values in flat])
+        return statistic(np.stack(drawn, axis=1).reshape(len(drawn[0]), -1), axis=-1)
 
     interval = stats.bootstrap(
         [np.arange(len(scores))] * scores.shape[1],
@@ -83,14 +77,11 @@ def stratified_bootstrap(
     return float(interval.low), float(interval.high)
 
 
-def curve_interval(
-    values: np.ndarray, confidence: float = CONFIDENCE, resamples: int = RESAMPLES, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+def curve_interval(values: np.ndarray, resamples: int = RESAMPLES, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Percentile bootstrap intervals of means over seeds, of many values at once; a seed's values stay together.
 
     Args:
         values: `(S, …)` a value a seed and, say, epoch.
-        confidence: of each interval by itself.
         resamples: number of bootstrap resamples.
         seed: of the resampling.
 
@@ -105,7 +96,7 @@ def curve_interval(
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
     counts = _counts_of_seed(len(values), resamples, seed)
     means = (counts @ values.reshape(len(values), -1) / len(values)).reshape(resamples, *values.shape[1:])
-    low, high = np.quantile(means, _ends(confidence), axis=0)
+    low, high = np.quantile(means, _ENDS, axis=0)
     return low, high
 
 
@@ -124,13 +115,7 @@ def probability_of_improvement(x: np.ndarray, y: np.ndarray) -> float:
     return float(_wins(x, y).mean())
 
 
-def improvement_interval(
-    x: np.ndarray,
-    y: np.ndarray,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
-) -> tuple[float, float]:
+def improvement_interval(x: np.ndarray, y: np.ndarray, seed: int = 0) -> tuple[float, float]:
     """Percentile bootstrap interval of `probability_of_improvement`; seeds of x and of y are resampled in each stratum.
 
     Returns NaN where either has fewer than two seeds. Raises ValueError as `probability_of_improvement`.
@@ -139,11 +124,11 @@ def improvement_interval(
     if min(wins.shape[1:]) < 2:
         return float("nan"), float("nan")
     rng = np.random.default_rng(seed)
-    found = np.zeros(resamples)
+    found = np.zeros(RESAMPLES)
     for stratum in wins:
-        left, right = (_counts(size, resamples, rng) for size in stratum.shape)
+        left, right = (_counts(size, RESAMPLES, rng) for size in stratum.shape)
         found += (left @ stratum * right).sum(axis=1) / stratum.size
-    low, high = np.quantile(found / len(wins), _ends(confidence))
+    low, high = np.quantile(found / len(wins), _ENDS)
     return float(low), float(high)
 
 
@@ -233,10 +218,6 @@ def _counts_of_seed(size: int, resamples: int, seed: int) -> np.ndarray:
     counts = _counts(size, resamples, np.random.default_rng(seed))
     counts.flags.writeable = False
     return counts
-
-
-def _ends(confidence: float) -> tuple[float, float]:
-    return (1 - confidence) / 2, (1 + confidence) / 2
 
 
 def _wins(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Tables of results: what stands in their rows and columns. How they are written is table_formats.py's business."""
+"""Tables of results: what stands in their rows and columns. How they are written is the business of formats.py."""
 
 import math
 from collections.abc import Sequence
@@ -6,16 +6,19 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from curiobench.analysis.frames import Results
-from curiobench.analysis.options import cautions, hour_digits, scale_of
+from curiobench.analysis.options import cautions, hour_digits
+from curiobench.analysis.samples import GOOD_SUCCESS
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.summaries import GOOD_SUCCESS, Estimate, Summary, run_rows, untrained
+from curiobench.analysis.summaries import Estimate, Summary
 
 Value = str | int | float | Estimate | None
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
 RARE = 100
-"""One comparison of equals in so many is let pass without a word."""
+"""A chance of one in so many, or less, is not worth a note."""
 
 
 @dataclass(frozen=True)
@@ -59,31 +62,28 @@ class Table:
         return first if values[first].low > max(others) else None
 
 
-def method_tables(results: Results, summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
+def method_tables(summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
     """Three tables a task: learned goals, success and cost, with a row a method and variant.
 
     Args:
-        results: the runs, for what has to be said about all of them.
-        summaries: of the runs by `summarise`; at least one.
+        summaries: by `summarise`; at least one.
         baseline: that the summaries were made with.
     """
-    tables = []
-    for task, group in groupby(summaries, key=lambda summary: summary.task):
-        tables += _tables_of_task(results, task, list(group), baseline)
-    return tables
+    groups = groupby(summaries, key=lambda summary: summary.task)
+    return [table for _, group in groups for table in _tables_of_task(list(group), baseline)]
 
 
 def interval_notes(summaries: Sequence[Summary]) -> list[str]:
     """What the brackets are, if there are any, and whether there are too few seeds to conclude from them."""
-    brackets = "[ ] 95 % bootstrap interval over seeds"
-    sizes = [(", ".join(filter(None, (s.method, s.variant))), len(s.seeds)) for s in summaries]
-    return [brackets] * (max(size for _, size in sizes) > 1) + seed_warnings(sizes)
+    sizes = [(summary.sample.label, summary.sample.n_seeds) for summary in summaries]
+    brackets = ["[ ] 95 % bootstrap interval over seeds"] if max(size for _, size in sizes) > 1 else []
+    return brackets + seed_warnings(sizes)
 
 
-def _tables_of_task(results: Results, task: str, summaries: list[Summary], baseline: str) -> list[Table]:
-    layers = sorted({layer for summary in summaries for layer in summary.goals if layer})
-    goals = summaries[0].goals
-    learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {goals[k]})", 1, contest=True) for k in layers]
+def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
+    task = summaries[0].task
+    goals, before = task.sizes, task.untrained
+    learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {n})", 1, contest=True) for k, n in goals.items() if k]
     learned.append(Column("learned", f"total (of {goals[0]})", 1, contest=True))
     success = [
         Column("middle_success", "IQM of final success", contest=True),
@@ -94,38 +94,30 @@ def _tables_of_task(results: Results, task: str, summaries: list[Summary], basel
     if any(summary.better is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    hours = Column("hours", "hours a run", hour_digits(min(summary.hours for summary in summaries)))
+    names, rows = name_columns(summaries), tuple(_row(summary) for summary in summaries)
+    hours = Column("hours", "hours a run", hour_digits(min(row["hours"] for row in rows)))
     cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
-    names = _name_columns(summaries)
-    rows = tuple(_row(summary) for summary in summaries)
-    scale, before = scale_of(results.runs[results.runs["task"] == task]), untrained(results, task)
     brackets = interval_notes(summaries)
     of_learned = [] if before is None else [f"before training: {before.learned:.1f} of {goals[0]} goals"]
     of_success = [] if before is None else [f"before training: success {before.success:.2f}"]
+    of_success += [*brackets, *_comparison_notes(summaries, baseline)]
     return [
-        Table(f"{task}: learned goals", (*names, *learned), rows, (scale, *of_learned, *brackets)),
-        Table(
-            f"{task}: success",
-            (*names, *success),
-            rows,
-            (scale, *of_success, *brackets, *_comparison_notes(summaries, baseline)),
-        ),
-        Table(f"{task}: cost", (*names, *cost), rows, (CLOCK, *cautions(results.runs[results.runs["task"] == task]))),
+        Table(f"{task.task}: learned goals", (*names, *learned), rows, (task.scale, *of_learned, *brackets)),
+        Table(f"{task.task}: success", (*names, *success), rows, (task.scale, *of_success)),
+        Table(f"{task.task}: cost", (*names, *cost), rows, (CLOCK, *cautions(task.runs))),
     ]
 
 
 def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
     """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
-    others = [summary for summary in summaries if summary.method != baseline]
+    others = [summary for summary in summaries if summary.sample.method != baseline]
     notes = []
-    missing = [summary.method for summary in others if summary.better is None]
+    missing = [summary.sample.method for summary in others if summary.better is None]
     if missing and len(summaries) > 1:
         which = "" if len(missing) == len(others) else f"{', '.join(dict.fromkeys(missing))} "
         notes.append(f"{which}not compared: that takes two seeds each, and runs of {baseline} of the same length")
-    of_baseline = [len(summary.seeds) for summary in summaries if summary.method == baseline]
-    sizes = [
-        len(s.seeds) for s in others if any(p is not None and p.value in (0, 1) for p in (s.better, s.better_area))
-    ]
+    of_baseline = [summary.sample.n_seeds for summary in summaries if summary.sample.method == baseline]
+    sizes = [summary.sample.n_seeds for summary in others if any(p.value in (0, 1) for p in summary.compared)]
     if sizes and of_baseline:
         chance = math.comb(min(sizes) + min(of_baseline), min(sizes)) // 2
         if chance < RARE:
@@ -140,57 +132,55 @@ def layer_name(layer: int) -> str:
     return "1 layer" if layer == 1 else f"{layer} layers"
 
 
-def _name_columns(summaries: Sequence[Summary]) -> list[Column]:
-    names = [Column("method", "method")]
-    if any(summary.variant for summary in summaries):
-        names.append(Column("variant", "options"))
-    return [*names, Column("seeds", "seeds", 0)]
+def name_columns(summaries: Sequence[Summary]) -> list[Column]:
+    """The first columns of a table of methods."""
+    variant = [Column("variant", "options")] if any(summary.sample.variant for summary in summaries) else []
+    return [Column("method", "method"), *variant, Column("seeds", "seeds", 0)]
+
+
+def learned_values(summary: Summary) -> dict[str, Value]:
+    """What every table of methods has: learned goals, and of whom."""
+    sample, learned = summary.sample, {f"learned_{k}" if k else "learned": v for k, v in summary.learned.items()}
+    return {"method": sample.method, "variant": sample.variant, "seeds": sample.n_seeds, **learned}
 
 
 def _row(summary: Summary) -> dict[str, Value]:
-    learned = {f"learned_{layer}": value for layer, value in summary.learned.items() if layer}
-    epochs = None if summary.epochs_to is None else f"{summary.epochs_to:.1f}"
-    some = "" if summary.reached in (0, len(summary.seeds)) else f" ({summary.reached} of {len(summary.seeds)} seeds)"
-    return {
-        "method": summary.method,
-        "variant": summary.variant,
-        "seeds": len(summary.seeds),
-        **learned,
-        "learned": summary.learned[0],
+    runs, reached = summary.sample.runs, _reached(summary)
+    some = "" if len(reached) in (0, len(runs)) else f" ({len(reached)} of {len(runs)} seeds)"
+    return learned_values(summary) | {
         "middle_success": summary.middle_success,
         "success": summary.success,
         "area": summary.area,
-        "epochs_to_good": None if epochs is None else epochs + some,
+        "epochs_to_good": f"{reached.mean():.1f}{some}" if len(reached) else None,
         "better": summary.better,
         "better_area": summary.better_area,
-        "hours": summary.hours,
-        "memory": summary.peak_memory_mb,
-        "machine": "; ".join(summary.machines) or None,
+        "hours": float(runs["hours"].mean()),
+        "memory": float(runs["peak_memory_mb"].max()),
+        "machine": "; ".join(sorted(set(runs["machine"]) - {""})) or None,
     }
+
+
+def _reached(summary: Summary) -> np.ndarray:
+    """Epochs until good success, of the seeds that have reached it."""
+    return summary.sample.reached[~np.isnan(summary.sample.reached)]
 
 
 def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
     """All numbers of `method_tables` in one table for csv files, with one row a task, method and variant."""
-    layers = sorted({layer for summary in summaries for layer in summary.goals if layer})
+    layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
     keys = [
         *("task", "method", "variant", "seeds", "epochs", "goals", "learned"),
         *(f"{part}_{layer}" for layer in layers for part in ("goals", "learned")),
         *("middle_success", "success", "area", "epochs_to_good", "seeds_good", "baseline", "better", "better_area"),
         *("hours", "memory", "machine"),
     ]
-    rows = [
-        _row(summary)
-        | {f"goals_{layer}": number for layer, number in summary.goals.items()}
-        | {
-            "task": summary.task,
-            "epochs": " ".join(map(str, summary.epochs)),
-            "goals": summary.goals[0],
-            "epochs_to_good": summary.epochs_to,
-            "seeds_good": summary.reached,
-            "baseline": baseline if summary.better is not None else None,
-        }
-        for summary in summaries
-    ]
+    rows = []
+    for summary in summaries:
+        reached, epochs = _reached(summary), sorted(set(summary.sample.runs["epoch"].tolist()))
+        goals = {f"goals_{layer}" if layer else "goals": number for layer, number in summary.task.sizes.items()}
+        flat = {"task": summary.task.task, "epochs": " ".join(map(str, epochs)), "seeds_good": len(reached)}
+        flat |= {"epochs_to_good": float(reached.mean()) if len(reached) else None}
+        rows.append(_row(summary) | goals | flat | {"baseline": None if summary.better is None else baseline})
     return Table("", tuple(Column(key, key) for key in keys), tuple(rows))
 
 
@@ -199,33 +189,38 @@ def run_table(results: Results, flat: bool = False) -> Table:
 
     `flat` gives it the columns for csv files.
     """
-    rows = run_rows(results)
-    layers = sorted({layer for row in rows for layer in row["learned"] if layer})
+    rows = [_run_row(run, rows, flat) for run, rows in _last_layers(results)]
+    layers = sorted(set(results.layers["layer"]) - {0})
     names = ["run", "task", "method", "variant", "seed"]
-    if not flat and not any(row["variant"] for row in rows):
+    if not flat and not results.runs["variant"].any():
         names.remove("variant")
     columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in names]
-    counts = [(f"learned_{layer}", layer_name(layer), layer) for layer in layers] + [("learned", "total", 0)]
+    counts = {f"learned_{layer}": layer_name(layer) for layer in layers} | {"learned": "total"}
     if flat:
-        columns += [Column(name, name) for name in ("epoch", "epochs", "complete")]
-        columns += [Column(name, name) for key, _, _ in counts for name in (key, key.replace("learned", "goals"))]
-        values = [_flat_run(row, counts) for row in rows]
+        goals = [name for key in counts for name in (key, key.replace("learned", "goals"))]
+        columns += [Column(name, name) for name in ("epoch", "epochs", "complete", *goals)]
     else:
-        columns += [Column("epoch", "epoch"), *(Column(key, heading) for key, heading, _ in counts)]
-        values = [_shown_run(row, counts) for row in rows]
-    columns.append(Column("success", "success"))
-    return Table("learned goals at the last evaluation", tuple(columns), tuple(values))
+        columns += [Column("epoch", "epoch"), *(Column(key, heading) for key, heading in counts.items())]
+    return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), tuple(rows))
 
 
-def _shown_run(row: dict[str, Any], counts: Sequence[tuple[str, str, int]]) -> dict[str, Value]:
-    learned = {key: "{}/{}".format(*row["learned"][layer]) for key, _, layer in counts if layer in row["learned"]}
-    epoch = str(row["epoch"]) if row["epoch"] == row["epochs"] else f"{row['epoch']} of {row['epochs']}"
-    return row | learned | {"epoch": epoch}
+def _last_layers(results: Results) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    """Each run's row, and its rows of the frame `layers` at its last evaluation."""
+    last = results.layers[
+        results.layers["epoch"] == results.layers.groupby("run", observed=True)["epoch"].transform("max")
+    ]
+    ends = {run: rows.to_dict("records") for run, rows in last.groupby("run", observed=True)}
+    return [(run, ends[run["run"]]) for run in results.runs.to_dict("records")]
 
 
-def _flat_run(row: dict[str, Any], counts: Sequence[tuple[str, str, int]]) -> dict[str, Value]:
-    values = row | {"complete": int(row["complete"])}
-    for key, _, layer in counts:
-        learned, goals = row["learned"].get(layer, (None, None))
-        values |= {key: learned, key.replace("learned", "goals"): goals}
-    return values
+def _run_row(run: dict[str, Any], layers: list[dict[str, Any]], flat: bool) -> dict[str, Value]:
+    row = run | {"success": layers[0]["success"]}
+    for of_layer in layers:
+        key = f"learned_{of_layer['layer']}" if of_layer["layer"] else "learned"
+        if flat:
+            row |= {key: of_layer["learned"], key.replace("learned", "goals"): of_layer["goals"]}
+        else:
+            row[key] = f"{of_layer['learned']}/{of_layer['goals']}"
+    if flat:
+        return row | {"complete": int(run["complete"])}
+    return row | {"epoch": f"{run['epoch']}" + f" of {run['epochs']}" * (run["epoch"] != run["epochs"])}

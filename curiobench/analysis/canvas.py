@@ -1,6 +1,6 @@
-"""Figures as files: they need no screen, and the same data gives the same bytes."""
+"""Figures as files: they need no screen, and the same data gives the same bytes. Training draws its picture by it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,3 +55,21 @@ def _print(figure: "Figure", file: Path, suffix: str) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+
+
+def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
+    """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
+    curves: dict[int, dict[int, list[float]]] = {}
+    for row in rows:
+        curve = curves.setdefault(int(row["layer"]), {})
+        curve.setdefault(int(row["steps"]), []).append(float(row["success"]))
+    figure = new_figure(6, 3.5, dpi=150)
+    axes = figure.subplots()
+    for layer, by_step in sorted(curves.items()):
+        n_goals = len(next(iter(by_step.values())))
+        label = f"layer {layer} ({n_goals} goal{'s' if n_goals > 1 else ''})"
+        axes.plot(list(by_step), [sum(s) / len(s) for s in by_step.values()], label=label, marker=".")
+    axes.set(xlabel="steps", ylabel="success from plain starts", ylim=(-0.02, 1.02))
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    return save(figure, path.with_suffix(""), ["png"])[0]

@@ -1,0 +1,345 @@
+"""What `curiobench submit-check` asks of runs: the protocol's tests and options, possible numbers, unaltered code.
+
+Each rule is a function of a submission and a reference that gives the faults it finds, or raises `Skipped`.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.analysis.frames import IDENTITY, METHOD_ORDER
+from curiobench.analysis.rows import LARGEST_LISTED_TASK
+from curiobench.analysis.submission import (
+    Fault,
+    Reference,
+    Skipped,
+    Submission,
+    examine,
+    read_submission,
+    reference,
+    rule,
+)
+from curiobench.config import PRESETS, flatten, preset
+from curiobench.findings import Finding
+from curiobench.methods.specs import canonical, split
+from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS, satisfied_starts
+from curiobench.tasks.goals import goal_space
+from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION, n_blocks_of
+
+PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "preset", "task", "robot"})
+"""Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
+LAST_BITS = frozenset({"device", "torch_threads"})
+"""Options that may change the last bits of a run's numbers."""
+BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)
+"""Methods that come with this package, without `+hm`."""
+SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")
+"""Packages whose other versions call for a warning."""
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_LARGEST_OPTION = 10**9
+_ROUNDING = 1e-6
+
+
+def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str, list[Finding]]:
+    """Examine runs.
+
+    Args:
+        paths: run folders, folders of run folders (such as a grid's), published sets.
+        against: name or path of the published set that is the reference, or "presets"; None for the newest set that
+            comes with this package, or the presets where there is none.
+
+    Returns:
+        A line that says what is compared with what, and a finding a property.
+
+    Raises:
+        ValueError: there is no such set.
+    """
+    compared, runs = reference(against), read_submission(paths)
+    methods = ", ".join(dict.fromkeys(runs.results.runs["method"])) or "no method"
+    number = f"{len(runs.records)} run{'s' * (len(runs.records) != 1)}"
+    return f"{number} of {methods}, compared with {compared.name}", examine(runs, compared)
+
+
+@rule("every folder holds one whole run")
+def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Every folder holds one complete and consistent run; reading them has found what is not."""
+    yield from ((fault, "") for fault in runs.results.faults)
+    if runs.results.runs.empty and not runs.results.faults:
+        yield "there is no run", ""
+
+
+@rule("version of the tasks")
+def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """The tasks' version; runs that do not record it are of the first, the only one when they were made."""
+    wanted = {v.get("task_version", 1) for _, v in against.runs.versions} if against.runs else {TASK_VERSION}
+    for run, versions in runs.versions:
+        if (found := versions.get("task_version", 1)) not in wanted:
+            yield f"version {found}, not {' or '.join(sorted(map(str, wanted)))}", run
+
+
+@rule("seed of the test episodes")
+def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """The seed of the test episodes, where a run records it."""
+    found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
+    if not any(seed for _, seed in found):
+        raise Skipped("made by a curiobench that did not write it down yet")
+    yield from ((f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found if seed not in (None, EVALUATION_SEED))
+
+
+@rule("starts of the test episodes")
+def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Goals hold at the start of as many test episodes as those of the protocol's seed."""
+    known = False
+    for run, rows in runs.evaluations.items():
+        kinds = rows[["goal", "bits", "episodes", "episodes_unsatisfied"]].drop_duplicates()
+        for goal, bits, total, unsatisfied in kinds.itertuples(index=False, name=None):
+            counts = _satisfied(runs.configs[run]["task"], total, against)
+            if counts is None:
+                continue
+            known, found, wanted = True, total - unsatisfied, counts.get(bits, 0)
+            if found != wanted:
+                yield f"{goal!r} holds at the start of {found} of {total} test episodes, not {wanted}", run
+    if not known:
+        raise Skipped("the protocol's test starts are not on record for this task and number of episodes")
+
+
+def _satisfied(task: str, total: int, against: Reference) -> dict[str, int] | None:
+    """Test episodes that start with their goal satisfied, by the goal's bits; None where that is not known."""
+    if (counts := satisfied_starts(task, total)) is not None or against.runs is None:
+        return counts
+    rows = against.rows(task)
+    rows = rows[rows["episodes"] == total].drop_duplicates("bits")
+    return dict(zip(rows["bits"], rows["episodes"] - rows["episodes_unsatisfied"], strict=True)) if len(rows) else None
+
+
+@rule("test episodes of a goal")
+def episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """As many test episodes of every goal as the config says."""
+    for run, rows in runs.evaluations.items():
+        wanted = runs.configs[run].get("episodes_per_goal")
+        yield from (
+            (f"{found} episodes of a goal, not {wanted!r}", run)
+            for found in rows["episodes"].unique()
+            if found != wanted
+        )
+
+
+@rule("goals")
+def goals(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Names, bits and layers of all goals of the task, and of no other."""
+    for run, rows in runs.evaluations.items():
+        task = runs.configs[run]["task"]
+        found, wanted = _goals_in(rows), _goals_in(against.rows(task).drop_duplicates("bits"))
+        if n_blocks_of(task) <= LARGEST_LISTED_TASK:
+            space = goal_space(n_blocks_of(task))
+            wanted = set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
+        for odd, what in ((found - wanted, "is none of the task's"), (wanted - found, "is missing")):
+            if wanted and odd:
+                name, bits, layer = min(odd)
+                yield f"goal {name!r}, {bits} in layer {layer}, {what}", run
+
+
+def _goals_in(rows: pd.DataFrame) -> set[tuple[str, str, int]]:
+    return set(rows[["goal", "bits", "layer"]].itertuples(index=False, name=None))
+
+
+@rule("evaluations when they are due")
+def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Evaluations before training, after every `evaluate_every`-th epoch and after the last."""
+    for run, rows in runs.evaluations.items():
+        config = runs.configs[run]
+        if fault := _no_numbers(config, "evaluate_every"):
+            yield fault, run
+            continue
+        last, every, found = config["epochs"], config["evaluate_every"], set(rows["epoch"])
+        lacking = next((epoch for epoch in chain(range(0, last, every), [last]) if epoch not in found), None)
+        if lacking is not None:
+            yield f"no evaluation after epoch {lacking}", run
+        if odd := [epoch for epoch in found if epoch > last or (epoch % every and epoch != last)]:
+            yield f"an unplanned evaluation after epoch {min(odd)}", run
+
+
+@rule("options, apart from the method's own")
+def options(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Options like those of the reference, but for `PERSONAL` ones and `LAST_BITS`."""
+    yield from ((text, run) for name, text, run in _unlike(runs, against) if name not in LAST_BITS)
+
+
+def _unlike(runs: Submission, against: Reference) -> Iterator[tuple[str, str, str]]:
+    """Name, values and run of each option that differs from the run of the reference that is most alike.
+
+    That is a run of the same task and robot; where there is none, the preset.
+    """
+    for run, config in runs.configs.items():
+        published = against.runs.configs.values() if against.runs else ()
+        alike = [other for other in published if _kind(other) == _kind(config)]
+        if not alike and config["preset"] in PRESETS:
+            alike = [preset(config["preset"], config["task"]).to_json()]
+        if alike:
+            found = min((_differences(_protocol(config), _protocol(other)) for other in alike), key=len)
+            yield from ((name, text, run) for name, text in found.items())
+        else:
+            yield "preset", f"there is no preset {config['preset']!r}, only {', '.join(PRESETS)}", run
+
+
+def _kind(config: Mapping[str, Any]) -> tuple[str, str]:
+    return config["task"], config["robot"]
+
+
+def _protocol(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that a submission may not change, by dotted name."""
+    return flatten({name: value for name, value in config.items() if name not in PERSONAL})
+
+
+def _differences(own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, str]:
+    """What differs, as "epochs is 10, not 20", by option."""
+    found = {}
+    for name in {**other, **own}:
+        if name not in other:
+            found[name] = f"{name!r:.60} is no option"
+        elif name not in own or own[name] != other[name]:
+            value = f"{own[name]!r:.60}" if name in own else "missing"
+            found[name] = f"{name} is {value}, not {other[name]!r}"
+    return found
+
+
+@rule("steps and updates as the options say")
+def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """As many steps and updates an epoch as the config says."""
+    for run, config in runs.configs.items():
+        if fault := _no_numbers(config, "cycles", "worlds", "rollouts", "updates"):
+            yield fault, run
+        elif run not in runs.progress:
+            yield "no rows of progress", run
+        else:
+            steps = config["cycles"] * config["worlds"] * config["rollouts"] * EPISODE_STEPS
+            fault = _off(runs.evaluations[run], "steps", steps) or _off(runs.progress[run], "steps", steps)
+            if fault := fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"]):
+                yield fault, run
+
+
+def _no_numbers(config: Mapping[str, Any], *names: str) -> str:
+    """What is wrong with options that have to be whole numbers; empty if nothing is."""
+    wrong = [name for name in names if type(config.get(name)) is not int or not 1 <= config[name] <= _LARGEST_OPTION]
+    return f"{wrong[0]} is {config.get(wrong[0])!r:.40}, not a number from 1 to {_LARGEST_OPTION:,}" if wrong else ""
+
+
+def _off(rows: pd.DataFrame, name: str, an_epoch: int) -> str:
+    """Where a counter does not rise by this much every epoch, as text; empty if it does."""
+    wrong = rows[rows[name] != rows["epoch"].astype(float) * an_epoch]
+    if not len(wrong):
+        return ""
+    epoch, found = (int(wrong[column].iloc[0]) for column in ("epoch", name))
+    return f"{found} {name} after epoch {epoch}, not {epoch * an_epoch}"
+
+
+@rule("success in whole episodes")
+def counts(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Shares of whole episodes: successes, and those among them whose goal did not hold at the start."""
+    for run, rows in runs.evaluations.items():
+        satisfied = rows["episodes"] - rows["episodes_unsatisfied"]
+        successes = rows["success"] * rows["episodes"]
+        earned = (rows["success_unsatisfied"] * rows["episodes_unsatisfied"]).where(rows["episodes_unsatisfied"] > 0, 0)
+        sound = _is_whole(successes) & _is_whole(earned)
+        sound &= (successes - earned).between(-_ROUNDING, satisfied + _ROUNDING)
+        for row in rows[~sound].head(1).to_dict("records"):
+            every = f"{row['success']} of {row['episodes']} episodes"
+            some = f"{row['success_unsatisfied']} of {row['episodes_unsatisfied']} that did not start with the goal"
+            yield f"{row['goal']!r} after epoch {row['epoch']}: {every}, {some}", run
+
+
+def _is_whole(numbers: pd.Series) -> pd.Series:
+    return (numbers - np.rint(numbers)).abs() < _ROUNDING  # not where it is NaN
+
+
+@rule(f"{MIN_SEEDS} seeds or more of each method")
+def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Seeds enough of each method."""
+    groups = runs.results.runs.groupby(["task", "robot", "method", "variant"], sort=False)["seed"].nunique()
+    for names, found in groups[groups < MIN_SEEDS].items():
+        yield f"{' '.join(filter(None, names))}: {found} of {MIN_SEEDS}", ""
+
+
+@rule("numbers of its own in every run")
+def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """No two runs of a task have the same progress: a copy with another seed in its config is no second run."""
+    first: dict[tuple[str, bytes], str] = {}
+    for run, rows in runs.progress.items():
+        names = [name for name in rows if name not in IDENTITY and not name.startswith("seconds")]
+        key = runs.configs[run]["task"], rows[names].to_numpy(float).tobytes()
+        if first.setdefault(key, run) != run:
+            yield f"the same progress as {first[key]}", run
+
+
+@rule("digest of a method from outside")
+def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """One file of each method from outside, and its digest."""
+    found = defaultdict(set)
+    outside = {run for run, config in runs.configs.items() if split(config["method"])[0] not in BUILT_IN}
+    if not outside:
+        raise Skipped("all methods come with curiobench")
+    for run, versions in runs.versions:
+        if run in outside:
+            digest, method = str(versions.get("method_sha256", "")), runs.configs[run]["method"]
+            if _DIGEST.fullmatch(digest):
+                found[method].add(digest)
+            else:
+                yield f"none of {method}", run
+    yield from ((f"{len(files)} different files of {method}", "") for method, files in found.items() if len(files) > 1)
+
+
+@rule("unaltered code")
+def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Code as it is in a commit."""
+    for run, versions in runs.versions:
+        commit = str(versions.get("git_commit", ""))
+        if commit.endswith("-dirty"):
+            yield f"made by an altered copy of commit {commit[:12]}", run
+
+
+@rule("commit on record", "warn")
+def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """A commit that says which code a run was made by; a package installed without git has none."""
+    for run, versions in runs.versions:
+        if not versions.get("git_commit"):
+            yield f"only the version is known, {versions.get('curiobench', 'unknown')}", run
+
+
+@rule("task and robot are the reference's", "warn")
+def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Runs of the same task and robot in the reference."""
+    if against.runs is None:
+        raise Skipped("no published set to compare with")
+    published = set(map(_kind, against.runs.configs.values()))
+    for run, config in runs.configs.items():
+        if _kind(config) not in published:
+            lacking = f"{against.name} has no {config['task']} with {config['robot']}"
+            yield f"{lacking}: options are compared with the preset {config['preset']}", run
+
+
+@rule("versions are the reference's", "warn")
+def software(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Versions of the packages that decide the numbers, but for the build, such as +cpu."""
+    if against.runs is None:
+        raise Skipped("no published set to compare with")
+    for name in SOFTWARE:
+        published = set().union(*map(_releases, against.runs.results.runs[name]))
+        for run, version in zip(runs.results.runs["run"], runs.results.runs[name], strict=True):
+            if not _releases(version) <= published:
+                yield f"{name} {version or 'unknown'}, not {' or '.join(sorted(published))}", run
+
+
+def _releases(versions: str) -> set[str]:
+    """Versions, separated by spaces, without their builds; {""} for an unknown one."""
+    return {version.partition("+")[0] for version in versions.split() or [""]}
+
+
+@rule("device and threads are the reference's", "warn")
+def last_bits(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Options among `LAST_BITS` like those of the reference."""
+    yield from ((text, run) for name, text, run in _unlike(runs, against) if name in LAST_BITS)
