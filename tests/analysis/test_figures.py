@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from curiobench.analysis.comparison import draw_comparison, success_over_training
-from curiobench.analysis.curves import draw_bonus, draw_exploitation, draw_learned, draw_success
+from curiobench.analysis.comparison import draw_comparison, draw_heat_map, success_over_training
+from curiobench.analysis.curves import (
+    MOST_POINTS,
+    THRESHOLDS,
+    draw_bonus,
+    draw_exploitation,
+    draw_learned,
+    draw_profile,
+    draw_success,
+    thinned,
+)
 from curiobench.analysis.figures import KINDS, draw_figures
 from curiobench.analysis.frames import read_results
-from curiobench.analysis.heat_map import draw_heat_map
-from curiobench.analysis.profiles import THRESHOLDS, draw_profile
-from curiobench.analysis.samples import MOST_POINTS, task_samples, thinned
+from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
 from curiobench.analysis.style import theme
 from curiobench.cli import main
@@ -65,7 +72,7 @@ def uneven(task, method, seed, epoch, goal):
 def test_samples_hold_means_of_layers_and_last_success_of_goals(samples):
     task = samples(methods=("mihm", "sac"), seeds=2, success=uneven)
     assert [sample.method for sample in task.samples] == ["sac", "mihm"]
-    assert (task.layers, task.sizes) == ((0, 1, 2), (4, 2, 2))
+    assert task.sizes == {0: 4, 1: 2, 2: 2}
     mihm = task.samples[1]
     assert mihm.epochs.tolist() == [0, 1, 2, 3, 4]
     assert mihm.success[0, :, 0].tolist() == [0.25, 0.5, 0.75, 1, 1]

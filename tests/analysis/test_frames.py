@@ -13,11 +13,9 @@ import pandas as pd
 import pytest
 from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
 
-from curiobench.analysis import collecting, evaluations
-from curiobench.analysis import published as published_module
-from curiobench.analysis.folders import PUBLISHED_FILES
+from curiobench.analysis import folders, frames, rows
+from curiobench.analysis.folders import PUBLISHED_FILES, SUMS
 from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, in_order, read_results
-from curiobench.analysis.published import SUMS
 from curiobench.tasks.goals import goal_space
 
 
@@ -385,7 +383,7 @@ def test_whatever_is_in_the_files_is_read_or_named(make_runs, tmp_path):
 def test_huge_files_are_not_read(make_runs, tmp_path):
     first, second = make_runs(methods=("sac",), seeds=2)
     for path in (first / "evaluations.csv", second / "config.json"):
-        os.truncate(path, evaluations.MAX_CSV_BYTES + 1)  # takes no space on the disk
+        os.truncate(path, rows.MAX_CSV_BYTES + 1)  # takes no space on the disk
     results = read_results([tmp_path / "runs"])
     assert results.runs.empty
     assert "more than 1,073,741,824 bytes" in results.faults[0]
@@ -420,7 +418,7 @@ def test_several_processes_read_what_one_reads(make_runs, tmp_path, monkeypatch,
     (tmp_path / "runs" / "stack2-rnd-2" / "config.json").write_text("{")
     every = [tmp_path / "runs", paths[1], tmp_path / "none"]
     plain = read_results(every, partial)
-    monkeypatch.setattr(collecting, "FEWEST", 1)
+    monkeypatch.setattr(frames, "FEWEST", 1)
     spread = read_results(every, partial, processes=3)
     assert (len(plain.runs), len(plain.faults)) == ((16, 10) if partial else (6, 20))
     assert (spread.faults, spread.absent, spread.config_files) == (plain.faults, plain.absent, plain.config_files)
@@ -561,7 +559,7 @@ def test_a_set_of_this_package_is_found_by_its_name_unless_a_folder_has_it(publi
     folder, results = published
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    monkeypatch.setattr(published_module, "_home", lambda: folder.parent)
+    monkeypatch.setattr(folders, "_home", lambda: folder.parent)
     assert read_results([Path("v1")]).runs.equals(results.runs)
     Path("v1").mkdir()
     assert "v1 is no run folder" in one_fault(read_results([Path("v1")]))

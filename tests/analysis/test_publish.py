@@ -13,12 +13,11 @@ import pytest
 from lawful import edit_rows, edit_versions, lengthen
 
 import curiobench
+from curiobench.analysis import folders
 from curiobench.analysis import publish as module
-from curiobench.analysis import published
-from curiobench.analysis.folders import CONFIGS
-from curiobench.analysis.frames import read_results
+from curiobench.analysis.folders import CONFIGS, SUMS, available, check_sums, read_sums
+from curiobench.analysis.frames import load, read_results
 from curiobench.analysis.publish import publish
-from curiobench.analysis.published import SUMS, available, check_sums, load, read_sums
 from curiobench.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -257,7 +256,7 @@ def test_load_names_what_there_is(make_runs, out, undrawn, monkeypatch):
     for name in ("v1", "v10", "v2", "laptop"):
         publish(runs, out.with_name(name))
     (out.parent / "v3").mkdir()
-    monkeypatch.setattr(published, "_home", lambda: out.parent)
+    monkeypatch.setattr(folders, "_home", lambda: out.parent)
     assert available() == ["v1", "v2", "v10"]
     assert_equal(curiobench.analysis.load("v2"), load(out))
     for name in ("v3", "v4", "../v1", "laptop"):
@@ -267,7 +266,7 @@ def test_load_names_what_there_is(make_runs, out, undrawn, monkeypatch):
 
 def test_an_installed_package_has_its_sets_inside(make_runs, tmp_path, undrawn, monkeypatch):
     site = tmp_path / "site" / "curiobench"
-    monkeypatch.setattr(published, "__file__", str(site / "analysis" / "published.py"))
+    monkeypatch.setattr(folders, "__file__", str(site / "analysis" / "folders.py"))
     assert available() == []
     publish(make_runs(seeds=1), site / "published" / "v1")
     assert available() == ["v1"]
@@ -324,7 +323,7 @@ def test_import_is_light():
     output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert output == "True []\n"
     program = (
-        "import sys, curiobench.analysis.publish, curiobench.analysis.submit_check\n"
+        "import sys, curiobench.analysis.publish, curiobench.analysis.rules\n"
         "print(sorted({'torch', 'mujoco', 'matplotlib'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -15,9 +15,10 @@ import pytest
 from synthetic import write_runs
 
 from curiobench.analysis import report
+from curiobench.analysis.formats import markdown
 from curiobench.analysis.frames import read_results
+from curiobench.analysis.samples import task_samples
 from curiobench.analysis.summaries import summarise
-from curiobench.analysis.table_formats import markdown
 from curiobench.analysis.tables import method_tables
 from curiobench.cli import main
 from curiobench.tasks.goals import goal_space
@@ -130,8 +131,7 @@ def test_every_goal_shows_every_method(text, runs):
 
 
 def test_the_tables_are_those_of_the_table_command(text, runs):
-    results = read_results([runs])
-    tables = method_tables(results, summarise(results))
+    tables = method_tables(summarise(task_samples(read_results([runs]))))
     printed = [re.split(r"\s*\|\s*", line.replace("*", "").replace("\\", "")) for line in markdown(tables).splitlines()]
     rows = [line[1:-1] for line in printed if len(line) > 2 and line[1].partition(" ")[0] in ("method", *METHODS)]
     shown = re.findall(r"<tr>(.*?)</tr>", text.partition('id="figures"')[0], re.DOTALL)

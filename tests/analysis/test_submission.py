@@ -9,10 +9,10 @@ from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, leng
 
 from curiobench.analysis import publish as publish_module
 from curiobench.analysis import submission
+from curiobench.analysis.frames import load
 from curiobench.analysis.publish import publish
-from curiobench.analysis.published import load
+from curiobench.analysis.rules import submit_check
 from curiobench.analysis.submission import PRESETS_ONLY, read_submission
-from curiobench.analysis.submit_check import submit_check
 from curiobench.cli import main
 
 

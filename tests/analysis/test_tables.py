@@ -6,15 +6,17 @@ import json
 import re
 import sys
 
+import numpy as np
 import pytest
 from lawful import edit_versions, lengthen
 from synthetic import EPISODES, write_grid
 
+from curiobench.analysis.formats import comma_separated, latex, markdown, terminal
 from curiobench.analysis.frames import read_results
-from curiobench.analysis.paper import LEARNED, PAPER_GOALS
-from curiobench.analysis.paper_tables import flat_paper_table, paper_tables
-from curiobench.analysis.summaries import Estimate, cautions, summarise
-from curiobench.analysis.table_formats import comma_separated, latex, markdown, terminal
+from curiobench.analysis.options import cautions
+from curiobench.analysis.paper import LEARNED, PAPER_GOALS, flat_paper_table, paper_tables
+from curiobench.analysis.samples import task_samples
+from curiobench.analysis.summaries import Estimate, summarise
 from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
 from curiobench.cli import main
 
@@ -46,13 +48,21 @@ def cli(monkeypatch, capsys):
     return call
 
 
+def summaries(results):
+    return summarise(task_samples(results))
+
+
+def tables(results):
+    return method_tables(summaries(results))
+
+
 def rows_of(text):
     return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_known_answers(results):
-    sac, mihm = summarise(results)
-    assert (sac.method, sac.seeds, sac.epochs, sac.goals) == ("sac", (0, 1, 2), (4,), {0: 4, 1: 2, 2: 2})
+    sac, mihm = summaries(results)
+    assert (sac.sample.method, list(sac.sample.runs["seed"]), sac.task.sizes) == ("sac", [0, 1, 2], {0: 4, 1: 2, 2: 2})
     assert {layer: value.value for layer, value in sac.learned.items()} == {0: 1, 1: 1, 2: 0}
     assert [mihm.learned[layer].value for layer in (0, 1, 2)] == pytest.approx([11 / 3, 2, 5 / 3])
     assert (mihm.learned[1].low, mihm.learned[1].high) == (2, 2)
@@ -62,16 +72,18 @@ def test_known_answers(results):
     assert (sac.middle_success.value, mihm.middle_success.value) == (0, 1)
     # 0 until epoch 1, linear to epoch 2, then constant: 2.5 of 4 epochs
     assert (sac.area.value, mihm.area.value) == pytest.approx((0.25 * 0.625, 2.9 / 3 * 0.625))
-    assert (sac.reached, sac.epochs_to, mihm.reached, mihm.epochs_to) == (0, None, 3, 2.0)
+    assert np.isnan(sac.sample.reached).all()
+    assert mihm.sample.reached.tolist() == [2, 2, 2]
     assert (sac.better, mihm.better, mihm.better_area) == (None, Estimate(1), Estimate(1))
-    assert (mihm.hours, mihm.peak_memory_mb, mihm.machines) == (0.04, 800, ("Test CPU, 2 cores",))
+    cost = method_tables([sac, mihm])[2].rows[1]
+    assert (cost["hours"], cost["memory"], cost["machine"]) == (0.04, 800, "Test CPU, 2 cores")
 
 
 def test_hours_of_short_runs_are_told_to_their_seconds(results):
-    cost = method_tables(results, summarise(results))[2]
+    cost = tables(results)[2]
     assert "0.0400" in terminal([cost])
     results.runs["hours"] *= 10
-    cost = method_tables(results, summarise(results))[2]
+    cost = tables(results)[2]
     assert "0.40 " in terminal([cost])
 
 
@@ -80,32 +92,32 @@ def test_some_seeds_reach_it_and_ties_count_half(make_runs):
         return 1.0 if seed == 0 and epoch >= 3 else 0.5
 
     paths = make_runs(methods=("sac", "icm"), seeds=2, success=success)
-    _, icm = summarise(read_results(paths))
-    assert (icm.reached, icm.epochs_to) == (1, 3.0)
+    _, icm = summaries(read_results(paths))
+    assert icm.sample.reached == pytest.approx([3, np.nan], nan_ok=True)
     assert icm.better.value == 0.5
-    assert "3.0 (1 of 2 seeds)" in terminal(method_tables(read_results(paths), [icm]))
+    assert "3.0 (1 of 2 seeds)" in terminal(method_tables([icm]))
 
 
 def test_the_baseline_is_of_the_same_variant_or_the_only_one(make_runs, tmp_path):
     make_runs(methods=("sac", "mihm"), success=known)
     make_runs(methods=("mihm",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.better is None for s in summarise(read_results([tmp_path / "runs"]))] == [True, False, False]
+    assert [s.better is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, False, False]
     make_runs(methods=("sac",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.better is None for s in summarise(read_results([tmp_path / "runs"]))] == [True, True, False, False]
+    assert [s.better is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, True, False, False]
     make_runs(methods=("icm",), success=known, options={"sac.tau": 0.3})
-    unlike = [s for s in summarise(read_results([tmp_path / "runs"])) if s.method == "icm"]
+    unlike = [s for s in summaries(read_results([tmp_path / "runs"])) if s.sample.method == "icm"]
     assert [s.better for s in unlike] == [None]
 
 
 def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
     make_runs(methods=("sac",), seeds=1)
     make_runs(methods=("mihm",), seeds=1, epochs=8, options={"sac.gamma": 0.9})
-    assert cautions(read_results([tmp_path / "runs"])) == [
+    assert cautions(read_results([tmp_path / "runs"]).runs) == [
         "runs of stack2 differ in epochs (4 or 8), sac.gamma (0.9 or 0.95)"
     ]
     make_runs(methods=("icm",), seeds=1, complete=False)
     assert "runs that are not finished: 1; their last evaluation stands for their end" in cautions(
-        read_results([tmp_path / "runs"], partial=True)
+        read_results([tmp_path / "runs"], partial=True).runs
     )
 
 
@@ -115,7 +127,7 @@ def test_options_that_are_younger_than_a_run_are_what_they_then_were(make_runs, 
     values = json.loads(record.read_text())
     del values["config"]["starts"], values["config"]["sac"]["network"]
     record.write_text(json.dumps(values))
-    assert cautions(read_results([tmp_path / "runs"])) == []
+    assert cautions(read_results([tmp_path / "runs"]).runs) == []
 
 
 def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_path):
@@ -124,7 +136,7 @@ def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_
         make_runs(methods=("icm",), seeds=1, options={"sac.tau": tau, "sac.gamma": 0.9}, suffix=f"-{tau}")
     for path in (tmp_path / "runs").glob("stack2-icm-*"):
         edit_versions(path, mujoco="9.9")
-    assert cautions(read_results([tmp_path / "runs"])) == [
+    assert cautions(read_results([tmp_path / "runs"]).runs) == [
         "runs of stack2 differ in sac.gamma (0.9 or 0.95)",  # tau is in the variants
         "runs of stack2 were made with mujoco 1.0 and 9.9",
     ]
@@ -133,15 +145,15 @@ def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_
 def test_presets_that_variants_tell_are_compared_each_by_itself(make_runs, tmp_path):
     for preset, gamma in (("short", 0.9), ("smoke", 0.95)):
         make_runs(methods=("icm",), seeds=1, options={"preset": preset, "sac.gamma": gamma}, suffix=f"-{preset}")
-    assert cautions(read_results([tmp_path / "runs"])) == []
+    assert cautions(read_results([tmp_path / "runs"]).runs) == []
     make_runs(methods=("sac",), seeds=1, options={"preset": "short"})
-    assert cautions(read_results([tmp_path / "runs"])) == ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"]
+    assert cautions(read_results([tmp_path / "runs"]).runs) == ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"]
 
 
 def test_settings_that_two_methods_have_by_the_same_name_are_not_compared(make_runs, tmp_path):
     make_runs(methods=("icm",), seeds=1, options={"method_config": {"beta": 0.2}})
     make_runs(methods=("mihm",), seeds=1, options={"method_config": {"beta": 0.7}})
-    assert cautions(read_results([tmp_path / "runs"])) == []
+    assert cautions(read_results([tmp_path / "runs"]).runs) == []
 
 
 def test_bold_only_beyond_doubt():
@@ -167,11 +179,11 @@ def test_bold_only_beyond_doubt():
 
 def test_bold_of_ten_seeds(make_runs):
     results = read_results(make_runs(seeds=10, success=known))
-    tables = method_tables(results, summarise(results))
-    assert re.search(r"\x1b\[1m3\.9 \[3\.\d, 4\.0\]", terminal(tables, colour=True))
-    assert re.search(r"\| \*\*3\.9 \\\[3\.\d, 4\.0\\\]\*\* \|", markdown(tables))
-    assert re.search(r"\\textbf\{3\.9 \[3\.\d, 4\.0\]\}", latex(tables))
-    assert not any("too few" in note for table in tables for note in table.notes)
+    made = tables(results)
+    assert re.search(r"\x1b\[1m3\.9 \[3\.\d, 4\.0\]", terminal(made, colour=True))
+    assert re.search(r"\| \*\*3\.9 \\\[3\.\d, 4\.0\\\]\*\* \|", markdown(made))
+    assert re.search(r"\\textbf\{3\.9 \[3\.\d, 4\.0\]\}", latex(made))
+    assert not any("too few" in note for table in made for note in table.notes)
 
 
 def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
@@ -180,23 +192,23 @@ def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
     make_runs(tasks=("stack3",), methods=("sac",), seeds=2, options={"updates": 7}, success=known)
     make_runs(tasks=("stack3",), methods=("mihm",), seeds=1, options={"updates": 7}, success=known)
     results = read_results([tmp_path / "runs"])
-    tables = {table.title: table.notes for table in method_tables(results, summarise(results))}
+    notes = {table.title: table.notes for table in tables(results)}
     brackets = "[ ] 95 % bootstrap interval over seeds"
     three = "3 seeds are too few to conclude: intervals of fewer than 10 are much too narrow"
-    assert tables["stack2: learned goals"] == (
+    assert notes["stack2: learned goals"] == (
         "gripper, short preset: 4 epochs, 4,000 steps a run",
         "before training: 0.0 of 4 goals",
         brackets,
         three,
     )
-    assert tables["stack2: success"][1:] == (
+    assert notes["stack2: success"][1:] == (
         "before training: success 0.00",
         brackets,
         three,
         "P of 0 or 1 has no interval; with so few seeds, one in 10 comparisons of equals gives it",
     )
-    assert tables["stack3: learned goals"][0] == "gripper, short preset with updates=7: 4 epochs, 4,000 steps a run"
-    assert tables["stack3: success"][2:] == (
+    assert notes["stack3: learned goals"][0] == "gripper, short preset with updates=7: 4 epochs, 4,000 steps a run"
+    assert notes["stack3: success"][2:] == (
         brackets,
         "1 seed of mihm: no interval, and nothing to conclude about the method",
         "2 seeds of sac are too few to conclude: intervals of fewer than 10 are much too narrow",
@@ -208,9 +220,9 @@ def test_runs_of_another_length_are_not_compared(make_runs, tmp_path):
     make_runs(methods=("sac", "icm"), success=known)
     make_runs(methods=("mihm",), epochs=8, success=known)
     results = read_results([tmp_path / "runs"])
-    summaries = summarise(results)
-    assert [(s.method, s.better is None) for s in summaries] == [("sac", True), ("icm", False), ("mihm", True)]
-    notes = method_tables(results, summaries)[1].notes
+    found = summaries(results)
+    assert [(s.sample.method, s.better is None) for s in found] == [("sac", True), ("icm", False), ("mihm", True)]
+    notes = method_tables(found)[1].notes
     assert "mihm not compared: that takes two seeds each, and runs of sac of the same length" in notes
 
 
@@ -218,24 +230,24 @@ def test_commits_that_differ_are_named(make_runs, tmp_path):
     first, *_ = make_runs(methods=("sac",), seeds=2)
     edit_versions(first, git_commit="abcdef0123")
     lengthen(first, git_commit="12345678")
-    (line,) = cautions(read_results([tmp_path / "runs"]))
+    (line,) = cautions(read_results([tmp_path / "runs"]).runs)
     assert line == "runs of stack2 were made at 3 commits: abcdef0, 1234567, c0ffee"
 
 
 def test_terminal(results):
-    text = terminal(method_tables(results, summarise(results)))
+    text = terminal(tables(results))
     learned = text.split("\n\n")[1].splitlines()
     assert learned[0].split("  ")[0] == "method"
     assert re.split(r"  +", learned[2].strip()) == ["sac", "3", "1.0 [1.0, 1.0]", "0.0 [0.0, 0.0]", "1.0 [1.0, 1.0]"]
     assert re.split(r"  +", learned[3].strip()) == ["mihm", "3", "2.0 [2.0, 2.0]", "1.7 [1.0, 2.0]", "3.7 [3.0, 4.0]"]
     assert "3 seeds are too few to conclude" in text
     assert "\x1b" not in text
-    assert "\x1b[1m3.7" not in terminal(method_tables(results, summarise(results)), colour=True)  # of three seeds
-    assert all(len(line) <= 60 for line in terminal(method_tables(results, summarise(results)), width=60).splitlines())
+    assert "\x1b[1m3.7" not in terminal(tables(results), colour=True)  # of three seeds
+    assert all(len(line) <= 60 for line in terminal(tables(results), width=60).splitlines())
 
 
 def test_markdown(results):
-    lines = markdown(method_tables(results, summarise(results))).splitlines()
+    lines = markdown(tables(results)).splitlines()
     assert (
         "| sac | 3 | 1.0 [1.0, 1.0] | 0.0 [0.0, 0.0] | 1.0 [1.0, 1.0] |".replace("[", r"\[").replace("]", r"\]")
         in lines
@@ -247,7 +259,7 @@ def test_markdown(results):
 def test_latex_is_escaped_and_balanced(make_runs):
     paths = make_runs(methods=("sac", "a_b.c:D+hm"), success=known)
     results = read_results(paths)
-    text = latex(method_tables(results, summarise(results)))
+    text = latex(tables(results))
     assert r"a\_b.c:D+hm & 3 & 2.0 [2.0, 2.0]" in text
     assert r"95 \% bootstrap interval" in text
     assert r"P(final \textgreater{} sac)" in text
@@ -262,7 +274,7 @@ def test_latex_is_escaped_and_balanced(make_runs):
 
 
 def test_csv_has_one_header_and_plain_numbers(results):
-    sac, mihm = rows_of(comma_separated(flat_table(summarise(results))))
+    sac, mihm = rows_of(comma_separated(flat_table(summaries(results))))
     assert (mihm["task"], mihm["method"], mihm["seeds"], mihm["goals"]) == ("stack2", "mihm", "3", "4")
     assert float(mihm["learned"]) == pytest.approx(11 / 3)
     assert (float(mihm["learned_low"]), float(mihm["learned_high"])) == (3, 4)
@@ -282,14 +294,14 @@ def test_the_papers_numbers_are_the_papers():
 def test_tables_like_the_papers(make_runs, tmp_path):
     make_runs(tasks=("stack3",), methods=("sac", "mihm", "dac+hm"), success=lambda *args: float(args[1] == "mihm"))
     results = read_results([tmp_path / "runs"])
-    tables = paper_tables(results)
-    assert [table.title for table in tables] == [
+    made = paper_tables(summaries(results))
+    assert [table.title for table in made] == [
         "Table 1, stack3: goals",
         "Table 2, stack3: learned goals, curiosity methods",
         "Table 3, stack3: learned goals, ablations",
         "Table 4, stack3: learned goals, other approaches",
     ]
-    rows = [row for row in rows_of(comma_separated(flat_paper_table(tables)))]
+    rows = [row for row in rows_of(comma_separated(flat_paper_table(made)))]
     assert [(row["table"], row["method"]) for row in rows] == [
         ("1", ""),
         *(("2", method) for method in ("sac", "icm", "rnd", "dac", "re3", "mihm")),
@@ -302,24 +314,24 @@ def test_tables_like_the_papers(make_runs, tmp_path):
     assert [mihm[name] for name in ("paper_1", "paper_2", "paper_3", "paper")] == ["8", "21", "2", "31"]
     assert (sac["learned"], sac["paper"], icm["learned"], icm["paper"]) == ("0", "1", "", "4")
     assert (rows[-2]["learned"], rows[-2]["paper_3"], rows[-2]["paper"]) == ("", "5", "34")
-    notes = tables[-1].notes
+    notes = made[-1].notes
     assert "not in the paper's tables, so not here: dac+hm" in notes
     assert "the paper trains 40 M steps, these runs 4,000" in notes
     assert not any("another task" in note for note in notes)
 
 
 def test_the_papers_numbers_beside_another_task_are_marked(results):
-    tables = paper_tables(results)
-    assert [column.heading for column in tables[1].columns] == [
+    made = paper_tables(summaries(results))
+    assert [column.heading for column in made[1].columns] == [
         *("method", "seeds", "1 layer", "2 layers", "total"),
         *("paper, stack3: 1 layer", "paper, stack3: 2 layers", "paper, stack3: 3 layers", "paper, stack3: total"),
     ]
-    assert "the paper's numbers are of stack3, another task than stack2" in tables[-1].notes
+    assert "the paper's numbers are of stack3, another task than stack2" in made[-1].notes
 
 
 def test_nothing_of_the_paper(make_runs):
     with pytest.raises(ValueError, match="none of the runs is of a method in the paper's tables, which are sac, icm"):
-        paper_tables(read_results(make_runs(methods=("dac+hm",))))
+        paper_tables(summaries(read_results(make_runs(methods=("dac+hm",)))))
 
 
 def test_a_line_a_run(make_runs, tmp_path):
