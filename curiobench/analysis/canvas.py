@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS = ("pdf", "png", "svg")
-"""Formats that a figure can be saved in."""
+FORMATS = ("pdf", "png", "svg")  # formats that a figure can be saved in
 
 
 def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":

@@ -16,16 +16,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ROWS, COLUMNS = 30, 20
-"""Methods in one comparison, and in one heat map."""
-SEED_GAP = 0.08
-"""Between the dots of equal seeds, in rows."""
-MOST_NUMBERS = 16
-"""Methods up to which a heat map has room for numbers."""
-DARK = 62
-"""Per cent above which the colour is dark."""
-MAP = "YlGnBu"
-"""Darker is better, in grey too."""
+ROWS, COLUMNS = 30, 20  # methods in one comparison, and in one heat map
+SEED_GAP = 0.08  # between the dots of equal seeds, in rows
+MOST_NUMBERS = 16  # methods up to which a heat map has room for numbers
+DARK = 62  # per cent above which the colour is dark
+MAP = "YlGnBu"  # darker is better, in grey too
 
 
 @dataclass(frozen=True)
@@ -33,12 +28,9 @@ class Score:
     """A number that a run is summed up by."""
 
     title: str
-    of: Callable[[Sample], np.ndarray]
-    """The number of each seed (S,) of a sample."""
-    top: float = 1.0
-    """Largest value there can be."""
-    untrained: float | None = None
-    """Its value before training, where that is drawn."""
+    of: Callable[[Sample], np.ndarray]  # the number of each seed (S,) of a sample
+    top: float = 1.0  # largest value there can be
+    untrained: float | None = None  # its value before training, where that is drawn
 
 
 def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:

@@ -13,10 +13,8 @@ from curiobench.analysis.style import layer_in_words
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_POINTS = 150
-"""Points that are drawn of one curve, evenly spread: a panel is no more than a few hundred dots wide."""
-THRESHOLDS = np.linspace(0, 1, 101)
-"""τ of a profile, success from 0 to 1."""
+MOST_POINTS = 150  # points that are drawn of one curve, evenly spread: a panel is no more than a few hundred dots wide
+THRESHOLDS = np.linspace(0, 1, 101)  # τ of a profile, success from 0 to 1
 
 
 def draw_success(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:

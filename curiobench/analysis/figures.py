@@ -29,16 +29,12 @@ class Kind:
     """A figure that each task gets."""
 
     draw: Callable[[TaskSamples, Samples], list["Figure"]]
-    caption: str
-    """What it shows, in the figure itself."""
-    in_report: str
-    """What it shows, below it in a report."""
+    caption: str  # what it shows, in the figure itself
+    in_report: str  # what it shows, below it in a report
     seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
     """How the seeds are in it, where there are several."""
-    methods: tuple[str, ...] | None = None
-    """Methods in it; None for all."""
-    column: str | None = None
-    """Column of progress.csv that it draws; only methods that have it are in it."""
+    methods: tuple[str, ...] | None = None  # methods in it; None for all
+    column: str | None = None  # column of progress.csv that it draws; only methods that have it are in it
 
     def shows(self, sample: Sample) -> bool:
         """Whether a sample is in it."""

@@ -13,10 +13,8 @@ from curiobench.files import read_json
 GRID_FORMAT = "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
 """The frames `runs`, `evaluations` and `progress` of a published set."""
-CONFIGS = "configs"
-"""Folder of a published set with each run's config.json, named after the run."""
-SUMS = "SHA256SUMS"
-"""Digests of a set's files, as `sha256sum --check` reads them."""
+CONFIGS = "configs"  # folder of a published set with each run's config.json, named after the run
+SUMS = "SHA256SUMS"  # digests of a set's files, as `sha256sum --check` reads them
 _VERSION = re.compile(r"v[1-9]\d*")
 _MAX_GRID_BYTES, _MAX_SUMS_BYTES = 1 << 24, 1 << 20
 
@@ -36,12 +34,9 @@ class GridRun(NamedTuple):
 class Found:
     """What a path stands for."""
 
-    runs: dict[Path, GridRun | None] = field(default_factory=dict)
-    """Run folders, and what a grid expects in each."""
-    published: bool = False
-    """The path is a published set."""
-    faults: tuple[str, ...] = ()
-    """One line on each folder that a grid lacks, or that is no run."""
+    runs: dict[Path, GridRun | None] = field(default_factory=dict)  # run folders, and what a grid expects in each
+    published: bool = False  # the path is a published set
+    faults: tuple[str, ...] = ()  # one line on each folder that a grid lacks, or that is no run
 
 
 def look(path: Path) -> Found:

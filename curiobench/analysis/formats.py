@@ -25,8 +25,7 @@ from curiobench.workers import cores
 if TYPE_CHECKING:
     from curiobench.arguments import TableArguments
 
-MISSING = "–"
-"""Stands for a value that there is none of."""
+MISSING = "–"  # stands for a value that there is none of
 MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
 """What is written down about the runs that a table was made from."""
 _LATEX = {

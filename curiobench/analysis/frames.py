@@ -26,40 +26,33 @@ from curiobench.workers import no_collection, parallel_map
 
 METHOD_ORDER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
 """Methods as tables and figures list them; others follow by name."""
-IDENTITY = ("run", "task", "method", "variant", "seed")
-"""First columns of every frame."""
+IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
 RUN_COLUMNS = (
     *IDENTITY,
     *("robot", "preset", "epochs", "epoch", "complete", "steps", "updates", "hours", "peak_memory_mb", "machine"),
     *(*PACKAGES, "python", "git_commit", "method_sha256", "created", "finished", "command", "config"),
 )
 """Columns of `Results.runs`."""
-EVALUATION_COLUMNS = (*IDENTITY, *DTYPES)
-"""Columns of `Results.evaluations`."""
+EVALUATION_COLUMNS = (*IDENTITY, *DTYPES)  # columns of `Results.evaluations`
 LAYER_COLUMNS = (*IDENTITY, "epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
 """Columns of `Results.layers`."""
-FEWEST = 16
-"""Run folders a process for which it is worth starting one."""
+FEWEST = 16  # run folders a process for which it is worth starting one
 
 
 @dataclass(frozen=True)
 class Results:
     """Runs as pandas frames."""
 
-    runs: pd.DataFrame
-    """A row a run."""
+    runs: pd.DataFrame  # a row a run
     evaluations: pd.DataFrame
     """A row a run, evaluation and goal; with `read_results(every_goal=False)` the last evaluations only."""
-    layers: pd.DataFrame
-    """A row a run, evaluation and layer, with means over its goals; layer 0 is all goals together."""
-    progress: pd.DataFrame
-    """A row a run and epoch."""
+    layers: pd.DataFrame  # a row a run, evaluation and layer, with means over its goals; layer 0 is all goals together
+    progress: pd.DataFrame  # a row a run and epoch
     config_files: dict[str, Path] = field(default_factory=dict)
     """Where each run's config.json should be; that of a published set may be missing."""
     faults: tuple[str, ...] = ()
     """One line on each folder that is missing, broken, partial, duplicate or foreign, and what was done with it."""
-    absent: tuple[str, ...] = ()
-    """The faults because of which a path that was asked for gave no run at all."""
+    absent: tuple[str, ...] = ()  # the faults because of which a path that was asked for gave no run at all
 
     def checked_config_files(self) -> dict[str, Path]:
         """Where the config.json of each run is; raises ValueError where one is missing or too large."""
@@ -70,17 +63,9 @@ class Results:
 
 
 def load(name: str | Path) -> Results:
-    """Published results as pandas frames.
+    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
 
-    Args:
-        name: one of `available()`, such as "v1", or the path of a published set.
-
-    Returns:
-        `Results` with the frames `runs` (a row a run), `evaluations` (a row a run, evaluation and goal), `layers` (a
-        row a run, evaluation and layer) and `progress` (a row a run and epoch); docs/results.md has their columns.
-
-    Raises:
-        ValueError: there is no such set, or a file of it is damaged.
+    Raises ValueError where there is no such set, or a file of it is damaged.
     """
     results = read_results([locate(name)])
     if results.faults:
@@ -106,13 +91,8 @@ def tell_faults(results: Results, what: str) -> None:
         raise ValueError(f"not in the {what}: " + "; ".join(results.absent))
 
 
-def in_order(methods: Sequence[str]) -> list[str]:
-    """Method specs, each once, in the order of tables and figures."""
-    return sorted(set(methods), key=place_of)
-
-
 def place_of(method: str) -> tuple[int, str]:
-    """What methods are sorted by."""
+    """What tables and figures sort methods by."""
     return (METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER), method)
 
 
@@ -153,8 +133,7 @@ def read_results(
         return _results(runs, tuple(found.faults), tuple(found.absent))
 
 
-_Folder = tuple[Path, GridRun | None]
-"""A run folder, and the run that a grid expects in it."""
+_Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
 
 
 class _Found:

@@ -18,22 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axis import XAxis, YAxis
     from matplotlib.figure import Figure
 
-OVERLAID = 6
-"""Most lines that can still be told apart in one panel."""
-GROUPS = 7
-"""Most rows of small multiples in one figure: a page holds no more."""
-COLUMNS = 3
-"""Panels side by side."""
-QUARTERS = (0, 0.25, 0.5, 0.75, 1)
-"""Ticks of shares."""
-CLOSER = (0.1, 0.2, 0.4)
-"""Where the y axis may end instead of at 1, so that low curves can be told apart."""
-STEPS = (1, 2, 2.5, 5, 10)
-"""Distances of ticks of counts, times a power of ten."""
-REFERENCE = "sac"
-"""Method that stands in every panel of small multiples: what the others add to."""
-_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])")
-"""Where the words of a class name meet."""
+OVERLAID = 6  # most lines that can still be told apart in one panel
+GROUPS = 7  # most rows of small multiples in one figure: a page holds no more
+COLUMNS = 3  # panels side by side
+QUARTERS = (0, 0.25, 0.5, 0.75, 1)  # ticks of shares
+CLOSER = (0.1, 0.2, 0.4)  # where the y axis may end instead of at 1, so that low curves can be told apart
+STEPS = (1, 2, 2.5, 5, 10)  # distances of ticks of counts, times a power of ten
+REFERENCE = "sac"  # method that stands in every panel of small multiples: what the others add to
+_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])")  # where the words of a class name meet
 
 
 @dataclass(frozen=True)
@@ -41,10 +33,8 @@ class Panel:
     """One thing that is drawn of each sample."""
 
     title: str
-    values: Callable[[Sample], tuple[np.ndarray, np.ndarray]]
-    """x (X,) and values (S, X) of a sample."""
-    top: float = 1.0
-    """Largest value there can be."""
+    values: Callable[[Sample], tuple[np.ndarray, np.ndarray]]  # x (X,) and values (S, X) of a sample
+    top: float = 1.0  # largest value there can be
 
 
 @dataclass(frozen=True)
@@ -53,10 +43,8 @@ class Axis:
 
     x: str
     y: str
-    ticks: Callable[[float], str] | None = None
-    """Text of a tick on the x axis, where it is more than its number."""
-    whole: bool = True
-    """Whether x is counted."""
+    ticks: Callable[[float], str] | None = None  # text of a tick on the x axis, where it is more than its number
+    whole: bool = True  # whether x is counted
 
 
 def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -> list["Figure"]:

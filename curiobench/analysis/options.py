@@ -14,13 +14,11 @@ from curiobench.tasks.registration import EPISODE_STEPS
 if TYPE_CHECKING:
     import pandas as pd
 
-RUN_OPTIONS = ("task", "method", "seed")
-"""Options that tell runs apart: every table has a column of each."""
+RUN_OPTIONS = ("task", "method", "seed")  # options that tell runs apart: every table has a column of each
 _PAPER = PRESETS["paper"]
 PAPER_STEPS = _PAPER.epochs * _PAPER.cycles * _PAPER.worlds * _PAPER.rollouts * EPISODE_STEPS
 """Steps of a run of the paper."""
-_SETTINGS = "method_config."
-"""Before the names of a method's own settings."""
+_SETTINGS = "method_config."  # before the names of a method's own settings
 
 
 def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:

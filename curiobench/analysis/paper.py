@@ -10,8 +10,7 @@ from curiobench.analysis.summaries import Summary
 from curiobench.analysis.tables import Column, Table, Value, interval_notes, layer_name, learned_values, name_columns
 
 PAPER_TASK = "stack3"
-PAPER_GOALS = (8, 21, 6)
-"""Table 1: goals of one, two and three layers."""
+PAPER_GOALS = (8, 21, 6)  # Table 1: goals of one, two and three layers
 
 LEARNED = {
     "sac": (1, 0, 0),
@@ -28,12 +27,10 @@ LEARNED = {
 }
 """Tables 2 to 4: goals of one, two and three layers with a final success rate above 80 %, by method as we spell it."""
 
-QUOTED = ("DECSTR", "Multi-criteria HER")
-"""Methods that the paper compares with and curiobench does not have."""
+QUOTED = ("DECSTR", "Multi-criteria HER")  # methods that the paper compares with and curiobench does not have
 
 CURIOUS = ("sac", "icm", "rnd", "dac", "re3", "mihm")
-ABLATIONS = ("icm+hm", "rnd+hm", "mi", "mihm")
-"""Methods of Figure 7; those of Figure 4 are `CURIOUS`."""
+ABLATIONS = ("icm+hm", "rnd+hm", "mi", "mihm")  # methods of Figure 7; those of Figure 4 are `CURIOUS`
 
 PAPER_TABLES = {
     2: ("curiosity methods", CURIOUS),

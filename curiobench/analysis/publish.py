@@ -14,8 +14,7 @@ from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_su
 from curiobench.analysis.frames import Results, read_results
 from curiobench.files import replace_file, sync_folder
 
-DERIVED = ("tables", "figures", "report.html")
-"""What is made from the rows, and can be made again."""
+DERIVED = ("tables", "figures", "report.html")  # what is made from the rows, and can be made again
 _OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
 _PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
 _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")

@@ -30,8 +30,7 @@ from curiobench.files import replace_file
 if TYPE_CHECKING:
     from jinja2 import Template
 
-PIXELS_A_POINT = 4 / 3 * 1.25
-"""Of a figure, which is shown at most a quarter larger than on paper."""
+PIXELS_A_POINT = 4 / 3 * 1.25  # of a figure, which is shown at most a quarter larger than on paper
 
 _COORDINATES = re.compile(rb'( (?:d|x|y|width|height)="|translate\()([^")]*)')
 _LONG = re.compile(rb"-?\d+\.\d{2,}")

@@ -21,19 +21,15 @@ from curiobench.config import flatten
 from curiobench.run_folder import PACKAGES
 from curiobench.tasks.registration import n_blocks_of
 
-FAR_BELOW = 0.5
-"""Share of the paper's steps below which the scale of runs is warned of."""
-MOST_NAMES = 3
-"""Names in a sentence, before it only counts."""
-MOST_CARDS = 100
-"""Goals of the largest task that is shown goal by goal; four blocks have hundreds."""
+FAR_BELOW = 0.5  # share of the paper's steps below which the scale of runs is warned of
+MOST_NAMES = 3  # names in a sentence, before it only counts
+MOST_CARDS = 100  # goals of the largest task that is shown goal by goal; four blocks have hundreds
 BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 """Blocks, and the colours of their fronts in the pictures."""
 ENVIRONMENT = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
 """Columns of runs that are no options, but may decide numbers or costs."""
 
-Names = tuple[tuple[str, tuple[str, ...]], ...]
-"""Samples by name: tasks, and the methods and variants of each."""
+Names = tuple[tuple[str, tuple[str, ...]], ...]  # samples by name: tasks, and the methods and variants of each
 
 
 def listed(words: Iterable[object]) -> str:
@@ -56,14 +52,16 @@ def sentences(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
     return [*what, _when(results.runs), *(part for task in tasks for part in _outcome(task))]
 
 
-def _sizes(samples: Iterable[Sample]) -> list[int]:
-    return sorted(sample.n_seeds for sample in samples)
+def _ends(samples: Sequence[Sample]) -> tuple[int, int]:
+    """The least and the largest number of seeds."""
+    sizes = [sample.n_seeds for sample in samples]
+    return min(sizes), max(sizes)
 
 
 def _what(task: TaskSamples) -> str:
     runs, methods = task.runs, task.runs["method"].nunique()
     variants = f" in {len(task.samples)} variants" if len(task.samples) > methods else ""
-    low, high = (end(_sizes(task.samples)) for end in (min, max))
+    low, high = _ends(task.samples)
     seeds = count(low, "seed") if low == high else f"{low} to {high} seeds"
     complete = int(runs["complete"].sum())
     kind = "all complete" if complete == len(runs) else f"{complete} of them complete"
@@ -90,8 +88,8 @@ def _outcome(task: TaskSamples) -> list[str]:
     """Which methods have learned most goals, and fewest."""
     means = {sample.label: float(sample.last_learned[:, 0].mean()) for sample in task.samples}
     most, fewest = max(means.values()), min(means.values())
-    sizes = _sizes(task.samples)
-    average = " on average over seeds" if sizes[-1] > 1 else ""
+    least, largest = _ends(task.samples)
+    average = " on average over seeds" if largest > 1 else ""
     if len(means) == 1 or most == fewest:
         who = f"{next(iter(means))}" if len(means) == 1 else "every method"
         line = f"On {task.task} {who} has learned {most:.3g} of {count(len(task.goals), 'goal')}{average}."
@@ -101,7 +99,7 @@ def _outcome(task: TaskSamples) -> list[str]:
             f"On {task.task} most goals{average} were learned by {_few(leaders, 'methods')} "
             f"({most:.3g} of {len(task.goals)}), fewest by {_few(others, 'methods')} ({fewest:.3g})."
         )
-    return [line] + ["So few seeds do not rank them."] * (len(means) > 1 and sizes[0] < ENOUGH_SEEDS)
+    return [line] + ["So few seeds do not rank them."] * (len(means) > 1 and least < ENOUGH_SEEDS)
 
 
 def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
@@ -110,9 +108,9 @@ def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
     found, *others = by_task.values()
     if any(lines != found for lines in others):
         found = [f"{task}: {line}" for task, lines in by_task.items() for line in lines]
-    sizes = _sizes(sample for task in tasks for sample in task.samples)
-    if sizes[0] < sizes[-1]:
-        found.append(f"methods have {sizes[0]} to {sizes[-1]} seeds, so that their intervals are not equally wide")
+    least, largest = _ends([sample for task in tasks for sample in task.samples])
+    if least < largest:
+        found.append(f"methods have {least} to {largest} seeds, so that their intervals are not equally wide")
     most = results.runs["steps"].max()
     if most < FAR_BELOW * PAPER_STEPS:
         found.append(
@@ -126,23 +124,18 @@ class Heading(NamedTuple):
     """The head of a column."""
 
     name: str
-    numeric: bool = False
-    """Its values are numbers: the largest come first when it is sorted."""
+    numeric: bool = False  # its values are numbers: the largest come first when it is sorted
 
 
 class Entry(NamedTuple):
     """What stands in a table."""
 
     text: str
-    order: str
-    """Text or number that its column is sorted by; "" comes last."""
+    order: str  # text or number that its column is sorted by; "" comes last
     numeric: bool = False
-    interval: str = ""
-    """Ends of the interval around it."""
-    best: bool = False
-    """It is better than all others of its column beyond doubt."""
-    look: str = ""
-    """CSS of a sample of its method's bars."""
+    interval: str = ""  # ends of the interval around it
+    best: bool = False  # it is better than all others of its column beyond doubt
+    look: str = ""  # CSS of a sample of its method's bars
 
 
 def shown_table(table: Table, elsewhere: Sequence[str]) -> dict[str, Any]:
@@ -271,21 +264,10 @@ _SHOWN: dict[str, tuple[str, Callable[[Any], str] | None]] = {
 }
 """Columns of runs that the list of runs shows, their heads, and how numbers are written."""
 RUN_HEADINGS = (Heading("run"), *(Heading(head, write is not None) for head, write in _SHOWN.values()))
-_FACTS = {
-    "git_commit": "git commit",
-    "curiobench": "curiobench",
-    "mujoco": "MuJoCo",
-    "dm_control": "dm_control",
-    "torch": "PyTorch",
-    "numpy": "NumPy",
-    "python": "Python",
-    "machine": "machine",
-    "created": "begun",
-    "finished": "finished",
-    "preset": "preset",
-    "robot": "robot",
-    "updates": "updates",
-}
+_FACTS = ("git_commit", *PACKAGES, "python", "machine", "created", "finished", "preset", "robot", "updates")
+"""Columns that stand below the command of a run, where they are known; some under another name."""
+_TITLES = {"git_commit": "git commit", "mujoco": "MuJoCo", "torch": "PyTorch", "numpy": "NumPy", "python": "Python"}
+_TITLES |= {"created": "begun"}
 
 
 def run_rows(samples: Sequence[Sample]) -> list[dict[str, Any]]:
@@ -298,7 +280,7 @@ def run_rows(samples: Sequence[Sample]) -> list[dict[str, Any]]:
 
 
 def _run_row(values: dict[str, Any]) -> dict[str, Any]:
-    facts = [(title, text) for name, title in _FACTS.items() if (text := _fact(values[name]))]
+    facts = [(_TITLES.get(name, name), _fact(values[name])) for name in _FACTS if _fact(values[name])]
     if not values["complete"]:
         facts.insert(0, ("state", f"not finished: {values['epoch']} of {values['epochs']} epochs"))
     entries = [_run_entry(values[name], write) for name, (_, write) in _SHOWN.items()]
@@ -314,6 +296,4 @@ def _run_entry(value: Any, write: Callable[[Any], str] | None) -> Entry:
 
 def _fact(value: Any) -> str:
     """Text of a value, "" where it is not known."""
-    if isinstance(value, int):
-        return f"{value:,}"
-    return "" if value is None or value != value else str(value)
+    return f"{value:,}" if isinstance(value, int) else "" if value is None or value != value else str(value)

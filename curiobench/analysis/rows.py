@@ -20,8 +20,6 @@ MAX_CSV_BYTES = 1 << 30
 LARGEST_LISTED_TASK = 4
 """Blocks of the largest task whose valid goals are looked up; enumerating those of five blocks takes ten seconds."""
 _ROUNDING = 1e-9
-_LONGEST_INTEGER = 18
-"""Digits of a bit string that still is an integer of 64 bits."""
 
 DTYPES = {
     "epoch": np.int32,
@@ -39,27 +37,18 @@ DTYPES = {
 _CURVE_COLUMNS = ("epoch", "steps", "bits", "layer", "success", "success_unsatisfied", "learned")
 """What is needed of an evaluation that is not the last."""
 PROGRESS_DTYPES = {"epoch": np.int32, "steps": np.int64, "updates": np.int64}
-PROGRESS_COLUMNS = (*PROGRESS_DTYPES, "seconds")
-"""Columns that every progress.csv has; the rest depends on the method."""
+PROGRESS_COLUMNS = (*PROGRESS_DTYPES, "seconds")  # columns that every progress.csv has; the rest depends on the method
 
 Frames = tuple[pd.DataFrame, pd.DataFrame]
 """Rows of a run in `Results.evaluations` and `Results.layers`, without the columns that identify the run."""
 
 
 def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) -> tuple[Frames, str]:
-    """Evaluations of a run.
+    """The frames of a run's evaluations.csv, and what was left out of it ("" for nothing).
 
-    Args:
-        path: of evaluations.csv.
-        task: of the run.
-        every_goal: keep every evaluation; otherwise the last one, which takes half the time. `layers` has all.
-        tolerant: leave out an incomplete evaluation at the end, as a run at work or killed may have one.
-
-    Returns:
-        The frames, and what was left out ("" for nothing).
-
-    Raises:
-        ValueError: the file is missing, damaged, or not of this task; names the file.
+    With `every_goal` the first frame has every evaluation, otherwise the last one, which takes half the time. If
+    `tolerant`, an incomplete evaluation at the end is left out, as a run at work or killed may have one. Raises
+    ValueError, which names the file, where it is missing, damaged, or not of this task.
     """
     with _naming(path):
         content = _read_bytes(path, cut_off=tolerant)
@@ -106,13 +95,13 @@ def _complete_evaluations(content: bytes) -> bytes:
     return header + b"".join(lines[: len(epochs) // n_goals * n_goals])
 
 
-def _bits_as_integers(task: str) -> bool:
-    """Whether bit strings of a task are read as decimal numbers: that is faster, but they must fit into 64 bits."""
-    return _n_bits(task) <= _LONGEST_INTEGER
-
-
 def _n_bits(task: str) -> int:
     return 3 * n_blocks_of(task) * (n_blocks_of(task) - 1) // 2
+
+
+def _bits_as_integers(task: str) -> bool:
+    """Whether bit strings of a task are read as decimal numbers: that is faster, but they must fit into 64 bits."""
+    return _n_bits(task) <= 18
 
 
 def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
@@ -133,15 +122,9 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
 
 
 def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Frames:
-    """The frames of one run from the rows of its evaluations.csv.
+    """The frames of one run from the rows of its evaluations.csv, or from some columns of them and the `last` ones.
 
-    Args:
-        rows: of all evaluations; only some columns where `last` is given.
-        task: of the run.
-        last: all columns of the last evaluation, the only one that is then kept.
-
-    Raises:
-        ValueError: a goal is missing, twice there, or foreign, or a number cannot be.
+    Raises ValueError where a goal is missing, twice there, or foreign, or a number cannot be.
     """
     if rows.empty:
         raise ValueError("there is no evaluation yet")
@@ -157,7 +140,7 @@ def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Fr
     kept = rows if last is None else last
     if not ((kept["episodes"] > 0) & kept["episodes_unsatisfied"].between(0, kept["episodes"])).all():
         raise ValueError("its numbers of episodes cannot be")
-    texts = {"goal": _names(kept["goal"].to_numpy(), n_goals)}
+    texts = {"goal": _names(kept["goal"].to_numpy().reshape(-1, n_goals))}
     texts["bits"] = [str(text).zfill(_n_bits(task)) for text in bits[:n_goals]]
     codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
     columns = {name: kept[name].to_numpy() for name in DTYPES if name not in texts}
@@ -201,26 +184,20 @@ def _check_success(success: np.ndarray, unsatisfied: np.ndarray, learned: np.nda
         raise ValueError(f"its learned is not 1 where success is above {LEARNED_ABOVE} and 0 elsewhere")
 
 
-def _names(goal: np.ndarray, n_goals: int) -> list[str]:
-    """Names of the goals; raises ValueError where one changes from evaluation to evaluation."""
-    goals = goal.reshape(-1, n_goals)
-    texts = all(isinstance(name, str) for name in goals[0])
-    if (goals != goals[0]).any() or len(set(goals[0])) != n_goals or not texts:
+def _names(goals: np.ndarray) -> list[str]:
+    """Names of the goals `(E, G)`; raises ValueError where one changes from evaluation to evaluation."""
+    first = list(goals[0])
+    texts = all(isinstance(name, str) for name in first)
+    if (goals != goals[0]).any() or len(set(first)) != len(first) or not texts:
         raise ValueError("its goals do not have one name each")
-    return list(goals[0])
+    return first
 
 
-def _layers(
-    epoch: np.ndarray,
-    steps: np.ndarray,
-    layer: np.ndarray,
-    success: np.ndarray,
-    unsatisfied: np.ndarray,
-    learned: np.ndarray,
-) -> pd.DataFrame:
+def _layers(epoch: np.ndarray, steps: np.ndarray, layer: np.ndarray, *rates: np.ndarray) -> pd.DataFrame:
     """Means over the goals of each layer, 0 for all goals together, from `(E,)`, `(G,)` and `(E, G)` arrays."""
-    kinds = np.unique(layer)
-    member = np.column_stack([np.ones(len(layer)), *(layer == kind for kind in kinds)])  # (G, L + 1)
+    success, unsatisfied, learned = rates
+    layers = np.unique(layer)
+    member = np.column_stack([np.ones(len(layer)), *(layer == one for one in layers)])  # (G, L + 1)
     goals = member.sum(axis=0)
     seen = ~np.isnan(unsatisfied)
     with np.errstate(invalid="ignore"):  # 0 / 0 is the NaN that is meant
@@ -228,7 +205,7 @@ def _layers(
     columns = {
         "epoch": np.repeat(epoch, len(goals)),
         "steps": np.repeat(steps, len(goals)),
-        "layer": np.tile(np.concatenate([[0], kinds]).astype(np.int8), len(epoch)),
+        "layer": np.tile(np.concatenate([[0], layers]).astype(np.int8), len(epoch)),
         "goals": np.tile(goals.astype(np.int32), len(epoch)),
         "success": (success @ member / goals).ravel(),
         "success_unsatisfied": means.ravel(),
@@ -240,19 +217,11 @@ def _layers(
 def read_progress(
     path: Path, wanted: bool | Collection[str], result: Mapping[str, Any] | None
 ) -> tuple[pd.DataFrame, str]:
-    """Rows of progress.csv.
+    """Rows of a progress.csv, and what was left out of it ("" for nothing).
 
-    Args:
-        path: of the file.
-        wanted: True for all columns, or names of some, which come with those that every run has. Where a finished run
-            has none of these, only its last row is checked.
-        result: what result.json holds; None for a run that is not finished, whose last row may be cut off.
-
-    Returns:
-        The rows, and what was left out ("" for nothing).
-
-    Raises:
-        ValueError: the file is missing, damaged, or has another end than result.json; names the file.
+    `wanted` is True for all columns, or names some, which come with those that every run has. Where a finished run has
+    none of these, only its last row is checked, against its `result`. Without one the last row may be cut off. Raises
+    ValueError, which names the file, where it is missing, damaged, or has another end than result.json.
     """
     if result is None and not path.exists():
         return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet

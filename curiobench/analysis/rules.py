@@ -1,6 +1,6 @@
 """What `curiobench submit-check` asks of runs: the protocol's tests and options, possible numbers, unaltered code.
 
-Each rule is a function of a submission and a reference that gives the faults it finds, or raises `Skipped`.
+Each rule gives the faults that it finds in a submission beside a reference, or raises `Skipped`.
 """
 
 import re
@@ -14,39 +14,33 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import IDENTITY, METHOD_ORDER
-from curiobench.analysis.rows import LARGEST_LISTED_TASK
 from curiobench.analysis.submission import (
     Fault,
     Reference,
     Skipped,
     Submission,
     examine,
+    goals_in,
+    kind,
     read_submission,
     reference,
     rule,
 )
-from curiobench.config import PRESETS, flatten, preset
 from curiobench.findings import Finding
 from curiobench.methods.specs import canonical, split
-from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS, satisfied_starts
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION, n_blocks_of
+from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
+from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION
 
-PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "preset", "task", "robot"})
-"""Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
-LAST_BITS = frozenset({"device", "torch_threads"})
-"""Options that may change the last bits of a run's numbers."""
-BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)
-"""Methods that come with this package, without `+hm`."""
-SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")
-"""Packages whose other versions call for a warning."""
+LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change the last bits of a run's numbers
+BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)  # without `+hm`
+SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")  # packages whose other versions call for a warning
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _LARGEST_OPTION = 10**9
 _ROUNDING = 1e-6
 
 
 def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str, list[Finding]]:
-    """Examine runs.
+    """Examine whether somebody's runs can stand beside the published ones.
 
     Args:
         paths: run folders, folders of run folders (such as a grid's), published sets.
@@ -67,7 +61,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
 
 @rule("every folder holds one whole run")
 def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Every folder holds one complete and consistent run; reading them has found what is not."""
+    """Reading the runs has found what is not complete or consistent."""
     yield from ((fault, "") for fault in runs.results.faults)
     if runs.results.runs.empty and not runs.results.faults:
         yield "there is no run", ""
@@ -75,7 +69,7 @@ def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("version of the tasks")
 def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """The tasks' version; runs that do not record it are of the first, the only one when they were made."""
+    """Runs that do not record it are of the first, the only one when they were made."""
     wanted = {v.get("task_version", 1) for _, v in against.runs.versions} if against.runs else {TASK_VERSION}
     for run, versions in runs.versions:
         if (found := versions.get("task_version", 1)) not in wanted:
@@ -84,7 +78,7 @@ def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 @rule("seed of the test episodes")
 def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """The seed of the test episodes, where a run records it."""
+    """Of the runs that record it."""
     found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
     if not any(seed for _, seed in found):
         raise Skipped("made by a curiobench that did not write it down yet")
@@ -98,8 +92,7 @@ def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
     for run, rows in runs.evaluations.items():
         kinds = rows[["goal", "bits", "episodes", "episodes_unsatisfied"]].drop_duplicates()
         for goal, bits, total, unsatisfied in kinds.itertuples(index=False, name=None):
-            counts = _satisfied(runs.configs[run]["task"], total, against)
-            if counts is None:
+            if (counts := against.satisfied_starts(runs.configs[run]["task"], total)) is None:
                 continue
             known, found, wanted = True, total - unsatisfied, counts.get(bits, 0)
             if found != wanted:
@@ -108,49 +101,29 @@ def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
         raise Skipped("the protocol's test starts are not on record for this task and number of episodes")
 
 
-def _satisfied(task: str, total: int, against: Reference) -> dict[str, int] | None:
-    """Test episodes that start with their goal satisfied, by the goal's bits; None where that is not known."""
-    if (counts := satisfied_starts(task, total)) is not None or against.runs is None:
-        return counts
-    rows = against.rows(task)
-    rows = rows[rows["episodes"] == total].drop_duplicates("bits")
-    return dict(zip(rows["bits"], rows["episodes"] - rows["episodes_unsatisfied"], strict=True)) if len(rows) else None
-
-
 @rule("test episodes of a goal")
 def episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """As many test episodes of every goal as the config says."""
+    """As many as the config says."""
     for run, rows in runs.evaluations.items():
         wanted = runs.configs[run].get("episodes_per_goal")
-        yield from (
-            (f"{found} episodes of a goal, not {wanted!r}", run)
-            for found in rows["episodes"].unique()
-            if found != wanted
-        )
+        wrong = [found for found in rows["episodes"].unique() if found != wanted]
+        yield from ((f"{found} episodes of a goal, not {wanted!r}", run) for found in wrong)
 
 
 @rule("goals")
 def goals(runs: Submission, against: Reference) -> Iterator[Fault]:
     """Names, bits and layers of all goals of the task, and of no other."""
     for run, rows in runs.evaluations.items():
-        task = runs.configs[run]["task"]
-        found, wanted = _goals_in(rows), _goals_in(against.rows(task).drop_duplicates("bits"))
-        if n_blocks_of(task) <= LARGEST_LISTED_TASK:
-            space = goal_space(n_blocks_of(task))
-            wanted = set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
+        found, wanted = goals_in(rows), against.goals(runs.configs[run]["task"])
         for odd, what in ((found - wanted, "is none of the task's"), (wanted - found, "is missing")):
             if wanted and odd:
                 name, bits, layer = min(odd)
                 yield f"goal {name!r}, {bits} in layer {layer}, {what}", run
 
 
-def _goals_in(rows: pd.DataFrame) -> set[tuple[str, str, int]]:
-    return set(rows[["goal", "bits", "layer"]].itertuples(index=False, name=None))
-
-
 @rule("evaluations when they are due")
 def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Evaluations before training, after every `evaluate_every`-th epoch and after the last."""
+    """Before training, after every `evaluate_every`-th epoch and after the last."""
     for run, rows in runs.evaluations.items():
         config = runs.configs[run]
         if fault := _no_numbers(config, "evaluate_every"):
@@ -166,61 +139,24 @@ def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("options, apart from the method's own")
 def options(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Options like those of the reference, but for `PERSONAL` ones and `LAST_BITS`."""
-    yield from ((text, run) for name, text, run in _unlike(runs, against) if name not in LAST_BITS)
-
-
-def _unlike(runs: Submission, against: Reference) -> Iterator[tuple[str, str, str]]:
-    """Name, values and run of each option that differs from the run of the reference that is most alike.
-
-    That is a run of the same task and robot; where there is none, the preset.
-    """
+    """Those of the reference, but for `LAST_BITS`."""
     for run, config in runs.configs.items():
-        published = against.runs.configs.values() if against.runs else ()
-        alike = [other for other in published if _kind(other) == _kind(config)]
-        if not alike and config["preset"] in PRESETS:
-            alike = [preset(config["preset"], config["task"]).to_json()]
-        if alike:
-            found = min((_differences(_protocol(config), _protocol(other)) for other in alike), key=len)
-            yield from ((name, text, run) for name, text in found.items())
-        else:
-            yield "preset", f"there is no preset {config['preset']!r}, only {', '.join(PRESETS)}", run
-
-
-def _kind(config: Mapping[str, Any]) -> tuple[str, str]:
-    return config["task"], config["robot"]
-
-
-def _protocol(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that a submission may not change, by dotted name."""
-    return flatten({name: value for name, value in config.items() if name not in PERSONAL})
-
-
-def _differences(own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, str]:
-    """What differs, as "epochs is 10, not 20", by option."""
-    found = {}
-    for name in {**other, **own}:
-        if name not in other:
-            found[name] = f"{name!r:.60} is no option"
-        elif name not in own or own[name] != other[name]:
-            value = f"{own[name]!r:.60}" if name in own else "missing"
-            found[name] = f"{name} is {value}, not {other[name]!r}"
-    return found
+        yield from ((text, run) for name, text in against.unlike(config).items() if name not in LAST_BITS)
 
 
 @rule("steps and updates as the options say")
 def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """As many steps and updates an epoch as the config says."""
+    """As many an epoch."""
     for run, config in runs.configs.items():
-        if fault := _no_numbers(config, "cycles", "worlds", "rollouts", "updates"):
-            yield fault, run
-        elif run not in runs.progress:
-            yield "no rows of progress", run
-        else:
+        fault = _no_numbers(config, "cycles", "worlds", "rollouts", "updates")
+        if not fault and run not in runs.progress:
+            fault = "no rows of progress"
+        if not fault:
             steps = config["cycles"] * config["worlds"] * config["rollouts"] * EPISODE_STEPS
             fault = _off(runs.evaluations[run], "steps", steps) or _off(runs.progress[run], "steps", steps)
-            if fault := fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"]):
-                yield fault, run
+            fault = fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"])
+        if fault:
+            yield fault, run
 
 
 def _no_numbers(config: Mapping[str, Any], *names: str) -> str:
@@ -231,11 +167,9 @@ def _no_numbers(config: Mapping[str, Any], *names: str) -> str:
 
 def _off(rows: pd.DataFrame, name: str, an_epoch: int) -> str:
     """Where a counter does not rise by this much every epoch, as text; empty if it does."""
-    wrong = rows[rows[name] != rows["epoch"].astype(float) * an_epoch]
-    if not len(wrong):
-        return ""
-    epoch, found = (int(wrong[column].iloc[0]) for column in ("epoch", name))
-    return f"{found} {name} after epoch {epoch}, not {epoch * an_epoch}"
+    for wrong in rows[rows[name] != rows["epoch"].astype(float) * an_epoch].head(1).to_dict("records"):
+        return f"{wrong[name]} {name} after epoch {wrong['epoch']}, not {wrong['epoch'] * an_epoch}"
+    return ""
 
 
 @rule("success in whole episodes")
@@ -245,21 +179,18 @@ def counts(runs: Submission, _: Reference) -> Iterator[Fault]:
         satisfied = rows["episodes"] - rows["episodes_unsatisfied"]
         successes = rows["success"] * rows["episodes"]
         earned = (rows["success_unsatisfied"] * rows["episodes_unsatisfied"]).where(rows["episodes_unsatisfied"] > 0, 0)
-        sound = _is_whole(successes) & _is_whole(earned)
-        sound &= (successes - earned).between(-_ROUNDING, satisfied + _ROUNDING)
+        sound = (successes - earned).between(-_ROUNDING, satisfied + _ROUNDING)
+        for numbers in (successes, earned):
+            sound &= (numbers - np.rint(numbers)).abs() < _ROUNDING  # not where it is NaN
         for row in rows[~sound].head(1).to_dict("records"):
             every = f"{row['success']} of {row['episodes']} episodes"
             some = f"{row['success_unsatisfied']} of {row['episodes_unsatisfied']} that did not start with the goal"
             yield f"{row['goal']!r} after epoch {row['epoch']}: {every}, {some}", run
 
 
-def _is_whole(numbers: pd.Series) -> pd.Series:
-    return (numbers - np.rint(numbers)).abs() < _ROUNDING  # not where it is NaN
-
-
 @rule(f"{MIN_SEEDS} seeds or more of each method")
 def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Seeds enough of each method."""
+    """With the same options."""
     groups = runs.results.runs.groupby(["task", "robot", "method", "variant"], sort=False)["seed"].nunique()
     for names, found in groups[groups < MIN_SEEDS].items():
         yield f"{' '.join(filter(None, names))}: {found} of {MIN_SEEDS}", ""
@@ -278,18 +209,18 @@ def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("digest of a method from outside")
 def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """One file of each method from outside, and its digest."""
-    found = defaultdict(set)
-    outside = {run for run, config in runs.configs.items() if split(config["method"])[0] not in BUILT_IN}
+    """That of one file of each method."""
+    methods = {run: config["method"] for run, config in runs.configs.items()}
+    outside = {run: method for run, method in methods.items() if split(method)[0] not in BUILT_IN}
     if not outside:
         raise Skipped("all methods come with curiobench")
+    found = defaultdict(set)
     for run, versions in runs.versions:
-        if run in outside:
-            digest, method = str(versions.get("method_sha256", "")), runs.configs[run]["method"]
-            if _DIGEST.fullmatch(digest):
-                found[method].add(digest)
-            else:
-                yield f"none of {method}", run
+        digest = str(versions.get("method_sha256", ""))
+        if run in outside and _DIGEST.fullmatch(digest):
+            found[outside[run]].add(digest)
+        elif run in outside:
+            yield f"none of {outside[run]}", run
     yield from ((f"{len(files)} different files of {method}", "") for method, files in found.items() if len(files) > 1)
 
 
@@ -297,14 +228,13 @@ def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
 def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
     """Code as it is in a commit."""
     for run, versions in runs.versions:
-        commit = str(versions.get("git_commit", ""))
-        if commit.endswith("-dirty"):
+        if (commit := str(versions.get("git_commit", ""))).endswith("-dirty"):
             yield f"made by an altered copy of commit {commit[:12]}", run
 
 
 @rule("commit on record", "warn")
 def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """A commit that says which code a run was made by; a package installed without git has none."""
+    """A package installed without git has none."""
     for run, versions in runs.versions:
         if not versions.get("git_commit"):
             yield f"only the version is known, {versions.get('curiobench', 'unknown')}", run
@@ -312,23 +242,20 @@ def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("task and robot are the reference's", "warn")
 def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Runs of the same task and robot in the reference."""
-    if against.runs is None:
-        raise Skipped("no published set to compare with")
-    published = set(map(_kind, against.runs.configs.values()))
+    """The reference has runs of both."""
+    published = set(map(kind, against.published().configs.values()))
     for run, config in runs.configs.items():
-        if _kind(config) not in published:
+        if kind(config) not in published:
             lacking = f"{against.name} has no {config['task']} with {config['robot']}"
             yield f"{lacking}: options are compared with the preset {config['preset']}", run
 
 
 @rule("versions are the reference's", "warn")
 def software(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Versions of the packages that decide the numbers, but for the build, such as +cpu."""
-    if against.runs is None:
-        raise Skipped("no published set to compare with")
+    """Of the packages that decide the numbers, but for the build, such as +cpu."""
+    theirs = against.published().results.runs
     for name in SOFTWARE:
-        published = set().union(*map(_releases, against.runs.results.runs[name]))
+        published = set().union(*map(_releases, theirs[name]))
         for run, version in zip(runs.results.runs["run"], runs.results.runs[name], strict=True):
             if not _releases(version) <= published:
                 yield f"{name} {version or 'unknown'}, not {' or '.join(sorted(published))}", run
@@ -341,5 +268,6 @@ def _releases(versions: str) -> set[str]:
 
 @rule("device and threads are the reference's", "warn")
 def last_bits(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Options among `LAST_BITS` like those of the reference."""
-    yield from ((text, run) for name, text, run in _unlike(runs, against) if name in LAST_BITS)
+    """The options in `LAST_BITS`."""
+    for run, config in runs.configs.items():
+        yield from ((text, run) for name, text in against.unlike(config).items() if name in LAST_BITS)

@@ -19,8 +19,7 @@ from curiobench.run_folder import PACKAGES, read_record
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
 
 MAX_JSON_BYTES = 1 << 20
-LARGEST_NUMBER = 1e15
-"""Of steps, updates, seconds and the like; more cannot be."""
+LARGEST_NUMBER = 1e15  # of steps, updates, seconds and the like; more cannot be
 _SPEC = re.compile(r"[\w.-]{1,100}(:[\w.]{1,100})?(\+hm)?")
 _TOLERANCE = 1e-9
 
@@ -29,26 +28,16 @@ _TOLERANCE = 1e-9
 class Run:
     """A run: first its config and result, then also its rows."""
 
-    path: Path
-    """Run folder."""
-    config: dict[str, Any]
-    """Options; plain values."""
-    values: dict[str, Any]
-    """Columns of the frame `runs` that are known so far."""
-    config_file: Path
-    """Its config.json, or the copy in a published set."""
-    result: dict[str, Any] | None = None
-    """What result.json holds."""
-    fault: str = ""
-    """Why its rows cannot be used."""
-    evaluations: pd.DataFrame | None = None
-    """Rows of `Results.evaluations`; None before they are read."""
-    layers: pd.DataFrame = field(default_factory=pd.DataFrame)
-    """Rows of `Results.layers`."""
-    progress: pd.DataFrame = field(default_factory=pd.DataFrame)
-    """Rows of `Results.progress`."""
-    notes: tuple[str, ...] = ()
-    """One line on each incomplete end of a file that was left out."""
+    path: Path  # run folder
+    config: dict[str, Any]  # options; plain values
+    values: dict[str, Any]  # columns of the frame `runs` that are known so far
+    config_file: Path  # its config.json, or the copy in a published set
+    result: dict[str, Any] | None = None  # what result.json holds
+    fault: str = ""  # why its rows cannot be used
+    evaluations: pd.DataFrame | None = None  # rows of `Results.evaluations`; None before they are read
+    layers: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.layers`
+    progress: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.progress`
+    notes: tuple[str, ...] = ()  # one line on each incomplete end of a file that was left out
 
     def decisive(self) -> dict[str, Any]:
         """Options that decide the numbers, and the digest of the file of a method from outside."""

@@ -7,16 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.frames import Results, in_order
+from curiobench.analysis.frames import Results, place_of
 from curiobench.analysis.options import scale_of
 from curiobench.analysis.statistics import area_under_curve
 
-LOGGED = ("share_exploitation", "bonus_spread")
-"""Columns of progress.csv that figures draw."""
-GOOD_SUCCESS = 0.8
-"""Mean success over all goals from which a run counts as good; tables have how soon it is there."""
-_DECIMALS = 9
-"""Scores are rounded to so many, so that equal successes that were summed in another order are a tie."""
+LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
+GOOD_SUCCESS = 0.8  # mean success over all goals from which a run counts as good; tables have how soon it is there
+_DECIMALS = 9  # scores are rounded to so many, so that equal successes that were summed in another order are a tie
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,26 +27,16 @@ class Sample:
     task: str
     method: str
     variant: str
-    runs: pd.DataFrame
-    """Their rows of `Results.runs`."""
-    epochs: np.ndarray
-    """(E,) epochs completed at the evaluations."""
-    success: np.ndarray
-    """(S, E, L) mean success over goals."""
-    learned: np.ndarray
-    """(S, E, L) learned goals."""
-    last_success: np.ndarray
-    """(S, L) as `success`, at each run's end."""
-    last_learned: np.ndarray
-    """(S, L) as `learned`, at each run's end."""
-    area: np.ndarray
-    """(S,) success over all goals, averaged over all of a run's training."""
-    reached: np.ndarray
-    """(S,) epochs until a success over all goals of `GOOD_SUCCESS`; NaN for never."""
-    goal_success: np.ndarray
-    """(S, G) success of each goal at each run's end."""
-    goal_learned: np.ndarray
-    """(S, G) 1 where that goal is learned, 0 elsewhere."""
+    runs: pd.DataFrame  # their rows of `Results.runs`
+    epochs: np.ndarray  # (E,) epochs completed at the evaluations
+    success: np.ndarray  # (S, E, L) mean success over goals
+    learned: np.ndarray  # (S, E, L) learned goals
+    last_success: np.ndarray  # (S, L) as `success`, at each run's end
+    last_learned: np.ndarray  # (S, L) as `learned`, at each run's end
+    area: np.ndarray  # (S,) success over all goals, averaged over all of a run's training
+    reached: np.ndarray  # (S,) epochs until a success over all goals of `GOOD_SUCCESS`; NaN for never
+    goal_success: np.ndarray  # (S, G) success of each goal at each run's end
+    goal_learned: np.ndarray  # (S, G) 1 where that goal is learned, 0 elsewhere
     logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
     """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
 
@@ -67,10 +54,8 @@ class Sample:
 class Untrained(NamedTuple):
     """What agents can do before they learn, mean over runs: a goal may hold at most starts."""
 
-    learned: float
-    """Goals with success above 80 %."""
-    success: float
-    """Mean over goals."""
+    learned: float  # goals with success above 80 %
+    success: float  # mean over goals
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,22 +63,14 @@ class TaskSamples:
     """All samples of a task, in the order that methods have everywhere."""
 
     task: str
-    runs: pd.DataFrame
-    """The task's rows of `Results.runs`."""
-    scale: str
-    """Robot, preset, epochs and steps."""
-    untrained: Untrained | None
-    """None where agents were not tested before training."""
-    goals: tuple[str, ...]
-    """Names of the G goals."""
-    bits: tuple[str, ...]
-    """Their predicates."""
-    goal_layers: np.ndarray
-    """(G,) height of each goal's tallest stack, in blocks."""
-    sizes: dict[int, int]
-    """Goals of each of the L layers; layer 0 is all goals together."""
-    steps_per_epoch: float | None
-    """Environment steps; None where runs differ in it."""
+    runs: pd.DataFrame  # the task's rows of `Results.runs`
+    scale: str  # robot, preset, epochs and steps
+    untrained: Untrained | None  # none where agents were not tested before training
+    goals: tuple[str, ...]  # names of the G goals
+    bits: tuple[str, ...]  # their predicates
+    goal_layers: np.ndarray  # (G,) height of each goal's tallest stack, in blocks
+    sizes: dict[int, int]  # goals of each of the L layers; layer 0 is all goals together
+    steps_per_epoch: float | None  # environment steps; None where runs differ in it
     samples: tuple[Sample, ...]
 
 
@@ -115,9 +92,8 @@ def _of_task(task: str, runs: pd.DataFrame, results: Results) -> TaskSamples:
     goals = evaluations[evaluations["run"] == runs["run"].iloc[0]].drop_duplicates("bits")
     sizes = {int(layer): int(size) for layer, size in layers.groupby("layer")["goals"].first().items()}
     groups = {key: rows for key, rows in runs.groupby(["method", "variant"])}
-    place = {method: i for i, method in enumerate(in_order([method for method, _ in groups]))}
     samples = []
-    for key in sorted(groups, key=lambda key: (place[key[0]], key[1])):
+    for key in sorted(groups, key=lambda key: (place_of(key[0]), key[1])):
         names = list(groups[key]["run"])
         curves = _curves(names, layers, list(sizes))
         ends = _ends(names, evaluations, list(goals["bits"]))

@@ -13,8 +13,7 @@ from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, 
 from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
 from curiobench.run_folder import PACKAGES
 
-MAX_ROWS = 20_000_000
-"""Rows that are read of a file at most: a compressed one may be far larger than it looks."""
+MAX_ROWS = 20_000_000  # rows that are read of a file at most: a compressed one may be far larger than it looks
 _TEXT = (
     *("run", "machine", *PACKAGES, "python"),
     *("git_commit", "method_sha256", "created", "finished", "command", "config"),

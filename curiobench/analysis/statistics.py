@@ -2,7 +2,8 @@
 
 Scores are arrays `(S, T)`: S seeds of T strata, such as tasks. In a third axis `(S, T, G)` stand scores of one and the
 same agent, such as of its goals: they stay together when seeds are resampled, because they depend on each other.
-Everything is a function of its arguments: the bootstrap has a seed.
+Intervals are percentile bootstrap intervals by a generator with a seed of its own, NaN for fewer than two seeds. Scores
+of another shape, or that are not finite, raise ValueError.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,23 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
-CONFIDENCE = 0.95
-RESAMPLES = 2_000
-ENOUGH_SEEDS = 10
-"""With fewer, intervals are much too narrow: docs/results.md has their real coverage."""
-
+CONFIDENCE, RESAMPLES = 0.95, 2_000
+ENOUGH_SEEDS = 10  # with fewer, intervals are much too narrow: docs/results.md has their real coverage
 _ENDS = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
-_BATCH = 500_000
-"""Scores that are resampled at a time, few enough to stay in a processor's cache."""
+_BATCH = 500_000  # scores that are resampled at a time, few enough to stay in a processor's cache
 
 
 def interquartile_mean(scores: np.ndarray, axis: int | None = None) -> np.ndarray | float:
-    """Mean of the middle half of the scores: the lowest and the highest quarter are left out.
-
-    Args:
-        scores: any shape.
-        axis: along which; None takes all scores together.
-    """
+    """Mean of the middle half of the scores along an axis, or of all: the lowest and highest quarter are left out."""
     from scipy.stats import trim_mean  # a second to import
 
     return trim_mean(scores, 0.25, axis=axis)
@@ -39,7 +31,7 @@ def stratified_bootstrap(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of a statistic; seeds are resampled within each stratum by itself.
+    """Interval of a statistic; seeds are resampled within each stratum by itself.
 
     Args:
         scores: `(S, T)` or `(S, T, G)`.
@@ -49,10 +41,7 @@ def stratified_bootstrap(
         seed: of the resampling.
 
     Returns:
-        Low and high end; NaN for fewer than two seeds.
-
-    Raises:
-        ValueError: another shape, or a score that is not finite.
+        Low and high end.
     """
     scores = _checked(scores, (2, 3))
     if len(scores) < 2:
@@ -78,19 +67,7 @@ def stratified_bootstrap(
 
 
 def curve_interval(values: np.ndarray, resamples: int = RESAMPLES, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Percentile bootstrap intervals of means over seeds, of many values at once; a seed's values stay together.
-
-    Args:
-        values: `(S, …)` a value a seed and, say, epoch.
-        resamples: number of bootstrap resamples.
-        seed: of the resampling.
-
-    Returns:
-        Low and high ends, `(…)` each; NaN for fewer than two seeds.
-
-    Raises:
-        ValueError: no seed, or a value that is not finite.
-    """
+    """Intervals `(…)` of means over seeds of many values at once, such as `(S, …)` a value a seed and epoch."""
     values = _checked(values, range(1, 10))
     if len(values) < 2:
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
@@ -101,25 +78,15 @@ def curve_interval(values: np.ndarray, resamples: int = RESAMPLES, seed: int = 0
 
 
 def probability_of_improvement(x: np.ndarray, y: np.ndarray) -> float:
-    """Probability that a random run of x scores higher than one of y on the same stratum, averaged over strata.
+    """Probability that a random run of x `(S, T)` scores higher than one of y `(S', T)`, averaged over strata.
 
-    That is the Mann-Whitney statistic over the number of pairs; ties count half.
-
-    Args:
-        x: `(S, T)`.
-        y: `(S', T)`.
-
-    Raises:
-        ValueError: unlike strata, or a score that is not finite.
+    That is the Mann-Whitney statistic over the number of pairs; ties count half. Raises ValueError on unlike strata.
     """
     return float(_wins(x, y).mean())
 
 
 def improvement_interval(x: np.ndarray, y: np.ndarray, seed: int = 0) -> tuple[float, float]:
-    """Percentile bootstrap interval of `probability_of_improvement`; seeds of x and of y are resampled in each stratum.
-
-    Returns NaN where either has fewer than two seeds. Raises ValueError as `probability_of_improvement`.
-    """
+    """Interval of `probability_of_improvement`; seeds of x and of y are resampled in each stratum."""
     wins = _wins(x, y)  # (T, S, S')
     if min(wins.shape[1:]) < 2:
         return float("nan"), float("nan")
@@ -133,31 +100,15 @@ def improvement_interval(x: np.ndarray, y: np.ndarray, seed: int = 0) -> tuple[f
 
 
 def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """Share of scores above each threshold, every stratum with equal weight.
-
-    Args:
-        scores: `(S, T)`.
-        thresholds: `(K,)`.
-
-    Returns:
-        `(K,)`, falling.
-
-    Raises:
-        ValueError: another shape, or a score that is not finite.
-    """
+    """Share `(K,)` of scores `(S, T)` above each threshold `(K,)`, every stratum with equal weight."""
     scores = np.sort(_checked(scores, (2,)), axis=None)
     return 1 - np.searchsorted(scores, np.asarray(thresholds), side="right") / scores.size
 
 
 def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
-    """Mean success over training: the area under the curve, by the trapezoidal rule, divided by its length.
+    """Mean success `(…)` over training: the area under `(…, E)` by the trapezoidal rule, divided by its length.
 
-    Args:
-        epochs: `(E,)` of the evaluations, rising.
-        success: `(…, E)`.
-
-    Returns:
-        `(…)`; with a single evaluation its success.
+    The epochs `(E,)` rise; of a single evaluation it is the success.
     """
     if len(epochs) == 1:
         return success[..., 0]
@@ -172,30 +123,24 @@ def conclusive(n_seeds: int, whose: str = "") -> str | None:
     of = f" of {whose}" if whose else ""
     if n_seeds < 2:
         return f"1 seed{of}: no interval, and nothing to conclude about the method"
-    if n_seeds < ENOUGH_SEEDS:
-        return (
-            f"{n_seeds} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
-        )
-    return None
+    if n_seeds >= ENOUGH_SEEDS:
+        return None
+    return f"{n_seeds} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
 
 
 def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
-    """Lines that say which methods have too few seeds to conclude from.
+    """`conclusive` of methods that stand together, from their names and numbers of seeds.
 
-    Args:
-        sizes: a method's name and how many seeds it has, for each of the methods that stand together.
-
-    Returns:
-        One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
+    One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
     """
     by_size: dict[int, list[str]] = {}
     for name, size in sizes:
         by_size.setdefault(size, []).append(name)
-    warnings = []
+    lines = []
     for size, names in sorted(by_size.items()):
         whose = "" if len(by_size) == 1 else ", ".join(names) if len(names) <= 3 else f"{len(names)} methods"
-        warnings.append(conclusive(size, whose))
-    return [line for line in warnings if line]
+        lines.append(conclusive(size, whose))
+    return [line for line in lines if line]
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:

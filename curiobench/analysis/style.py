@@ -31,10 +31,8 @@ OUTSIDE = ("#0072B2", "#7F7F7F")
 """Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of the lines that one line is seen against."""
-TEXT_WIDTH = 6.75
-"""Width of a figure, which is that of a page's text, in inches."""
-TEXT, SMALL = 9, 7.5
-"""Sizes of labels, and of ticks, legends and captions, in points."""
+TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
+TEXT, SMALL = 9, 7.5  # sizes of labels, and of ticks, legends and captions, in points
 
 _MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P"}
 _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")

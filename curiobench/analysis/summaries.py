@@ -19,12 +19,9 @@ from curiobench.analysis.statistics import (
 class Estimate:
     """A number with its 95 % bootstrap interval over seeds."""
 
-    value: float
-    """The estimate."""
-    low: float = float("nan")
-    """Low end; NaN where there is no interval, as with one seed."""
-    high: float = float("nan")
-    """High end."""
+    value: float  # the estimate
+    low: float = float("nan")  # low end; NaN where there is no interval, as with one seed
+    high: float = float("nan")  # high end
 
     @property
     def has_interval(self) -> bool:
@@ -38,18 +35,13 @@ class Summary:
 
     task: TaskSamples
     sample: Sample
-    learned: dict[int, Estimate]
-    """Learned goals by layer, 0 for all together, mean over seeds."""
-    success: Estimate
-    """Success at the end, mean over goals and seeds."""
-    middle_success: Estimate
-    """Success at the end, interquartile mean of all goals of all seeds."""
-    area: Estimate
-    """Success over training, mean over goals, epochs and seeds: the normalised area under the curve."""
+    learned: dict[int, Estimate]  # learned goals by layer, 0 for all together, mean over seeds
+    success: Estimate  # success at the end, mean over goals and seeds
+    middle_success: Estimate  # success at the end, interquartile mean of all goals of all seeds
+    area: Estimate  # success over training, mean over goals, epochs and seeds: the normalised area under the curve
     better: Estimate | None
     """Probability that a run has more success at the end than one of the baseline; None without two seeds of both."""
-    better_area: Estimate | None
-    """The same of success over training."""
+    better_area: Estimate | None  # the same of success over training
 
     @property
     def compared(self) -> list[Estimate]:

@@ -17,36 +17,27 @@ from curiobench.analysis.summaries import Estimate, Summary
 Value = str | int | float | Estimate | None
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
-RARE = 100
-"""A chance of one in so many, or less, is not worth a note."""
+RARE = 100  # a chance of one in so many, or less, is not worth a note
 
 
 @dataclass(frozen=True)
 class Column:
     """A column of a table."""
 
-    key: str
-    """Name in csv files."""
-    heading: str
-    """Name elsewhere."""
-    digits: int = 2
-    """Decimals, except in csv files."""
-    contest: bool = False
-    """More is better: the best value is set in bold if its interval lies above all others."""
+    key: str  # name in csv files
+    heading: str  # name elsewhere
+    digits: int = 2  # decimals, except in csv files
+    contest: bool = False  # more is better: the best value is set in bold if its interval lies above all others
 
 
 @dataclass(frozen=True)
 class Table:
     """A table; `None` in a row is printed as a dash."""
 
-    title: str
-    """What it shows."""
-    columns: tuple[Column, ...]
-    """Its columns, names first."""
-    rows: tuple[dict[str, Value], ...]
-    """Values by column."""
-    notes: tuple[str, ...] = ()
-    """Lines below it."""
+    title: str  # what it shows
+    columns: tuple[Column, ...]  # its columns, names first
+    rows: tuple[dict[str, Value], ...]  # values by column
+    notes: tuple[str, ...] = ()  # lines below it
 
     def best(self, column: Column) -> int | None:
         """Row of the value that is better than all others beyond doubt; None where there is none, or too few seeds."""

@@ -15,7 +15,7 @@ from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
 
 from curiobench.analysis import folders, frames, rows
 from curiobench.analysis.folders import PUBLISHED_FILES, SUMS
-from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, in_order, read_results
+from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, place_of, read_results
 from curiobench.tasks.goals import goal_space
 
 
@@ -443,10 +443,10 @@ def test_the_command_of_a_run_made_longer_has_both_lines(make_runs):
 
 
 def test_order_of_methods():
-    assert in_order(["zeta", "mi", "alpha", "mihm", "sac", "sac", "icm+hm"]) == [
+    assert sorted(["zeta", "mi", "alpha", "mihm", "sac", "icm+hm"], key=place_of) == [
         *("sac", "mihm", "icm+hm", "mi", "alpha", "zeta")
     ]
-    assert in_order(METHOD_ORDER[::-1]) == list(METHOD_ORDER)
+    assert sorted(METHOD_ORDER[::-1], key=place_of) == list(METHOD_ORDER)
 
 
 def test_reading_imports_neither_torch_nor_mujoco_nor_a_method(make_runs):
