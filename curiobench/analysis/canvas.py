@@ -21,15 +21,9 @@ def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
 
 
 def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
-    """Save a figure, laid out and drawn once for each of its formats, which `Figure.savefig` does more often.
+    """Save a figure as `path` with the suffix of each format; returns the files. It is not to be used afterwards.
 
-    Args:
-        figure: not to be used afterwards.
-        path: of the files, without suffix.
-        formats: some of `FORMATS`.
-
-    Returns:
-        The files.
+    It is laid out and drawn once for each format, which `Figure.savefig` does more often.
     """
     dpi = figure.dpi
     paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]

@@ -44,17 +44,16 @@ def draw_bonus(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
 
 def draw_profile(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
     """Share of goals and seeds whose final success is above τ, over τ; a seed's goals are resampled together."""
-    return draw_lines(samples, [Panel("", _profile)], Axis("final success τ", "share above τ", whole=False))
+
+    def profile(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+        return THRESHOLDS, np.stack([performance_profile(seed[None], THRESHOLDS) for seed in sample.goal_success])
+
+    return draw_lines(samples, [Panel("", profile)], Axis("final success τ", "share above τ", integers=False))
 
 
 def _draw_logged(task: TaskSamples, samples: Sequence[Sample], column: str, name: str) -> list["Figure"]:
     """A column of progress.csv over epochs."""
     return draw_lines(samples, [Panel("", lambda sample: _thinned(*sample.logged[column]))], _epochs(task, name))
-
-
-def _profile(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
-    """τ (T,) and the profile of each seed (S, T)."""
-    return THRESHOLDS, np.stack([performance_profile(seed[None], THRESHOLDS) for seed in sample.goal_success])
 
 
 def _thinned(epochs: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,5 +76,5 @@ def _epochs(task: TaskSamples, y: str) -> Axis:
 
 
 def _short(number: float) -> str:
-    """Three digits, or all of the whole number."""
+    """Three digits, or all before the decimal point."""
     return f"{number:.3g}" if number < 100 else f"{number:.0f}"

@@ -15,7 +15,7 @@ from curiobench.analysis.options import count_partial
 from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import seed_warnings
-from curiobench.analysis.style import base, caption, count, method_name, theme
+from curiobench.analysis.style import base, caption, method_name, seeds_in_words, theme
 from curiobench.workers import no_collection, parallel_map
 
 if TYPE_CHECKING:
@@ -115,16 +115,11 @@ def draw_figures(
     Args:
         results: the runs. Partial ones among them are drawn up to the last evaluation that all runs of the method have.
         out: folder of the files, which is made.
-        like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them that there are, each over the
-            others; None draws everything of all methods.
+        like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them; None everything of all methods.
         formats: some of `FORMATS`.
         processes: how many draw side by side, where the system can fork; the files do not depend on it.
 
-    Returns:
-        The files.
-
-    Raises:
-        ValueError: nothing to draw, an unknown format or `like`, or a folder that cannot be written.
+    Returns the files. Raises ValueError on nothing to draw, an unknown format or `like`, or where it cannot write.
     """
     if like not in (None, "paper"):
         raise ValueError(f"like is {like!r}; it can be 'paper'")
@@ -160,13 +155,15 @@ def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
 
 def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
     """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
-    low, high = (end(sample.n_seeds for sample in samples) for end in (min, max))
-    number = count(low, "seed") if low == high else f"{low} to {count(high, 'seed')}"
+    several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"
     if partial_runs := count_partial(task.runs):
         about += f"; {partial_runs} of {len(task.runs)} runs are partial, and curves end where a run of the method does"
-    parts = [f"{kind.caption}; {about}", kind.seeds.format(seeds=number) if high > 1 else "1 seed, no interval"]
-    if high > 1:
+    parts = [
+        f"{kind.caption}; {about}",
+        kind.seeds.format(seeds=seeds_in_words(samples)) if several else "1 seed, no interval",
+    ]
+    if several:
         parts += seed_warnings([(method_name(sample.method), sample.n_seeds) for sample in samples])
     names = {base(sample.method) for sample in samples if ":" in sample.method}
     parts += [f"{method_name(name)} is {name}" for name in sorted(names) if method_name(name) != name]

@@ -1,4 +1,4 @@
-"""What a path stands for: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
+"""What is at a path: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
 
 import hashlib
 import os
@@ -32,7 +32,7 @@ class GridRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Found:
-    """What a path stands for."""
+    """What is at a path."""
 
     runs: dict[Path, GridRun | None] = field(default_factory=dict)  # run folders, and what a grid expects in each
     published: bool = False  # the path is a published set
@@ -40,7 +40,7 @@ class Found:
 
 
 def look(path: Path) -> Found:
-    """What a path stands for; raises ValueError where it is no folder, holds no run, or has a damaged grid.json."""
+    """What is at a path; raises ValueError where it is no folder, holds no run, or has a damaged grid.json."""
     if not path.is_dir():
         raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
     if isfile(path / "config.json"):

@@ -25,7 +25,7 @@ from curiobench.workers import cores
 if TYPE_CHECKING:
     from curiobench.arguments import TableArguments
 
-MISSING = "–"  # stands for a value that there is none of
+MISSING = "–"  # in the place of a value that there is none of
 MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
 """What is written down about the runs that a table was made from."""
 _LATEX = {
@@ -42,13 +42,7 @@ Tables = tuple[str, Sequence[Table], Table]
 
 
 def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
-    """Tables as plain text.
-
-    Args:
-        tables: to show.
-        width: columns of the screen, to which long cells are wrapped; None for as many as it takes.
-        colour: bold by terminal codes.
-    """
+    """Tables as plain text, `width` columns wide at most, where long cells are wrapped; bold by codes if `colour`."""
     from rich import box
     from rich.console import Console
     from rich.table import Table as Grid
@@ -213,7 +207,7 @@ def make_tables(
 
 
 def check_baseline(results: Results, baseline: str | None) -> str:
-    """The method that others are compared with, as shown, sac for None; raises ValueError where no run is of it."""
+    """The method that others are compared with, sac for None; raises ValueError where no run is of it."""
     methods, chosen = list(dict.fromkeys(results.runs["method"])), shown(baseline or "sac")
     if baseline and chosen not in methods:
         raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")

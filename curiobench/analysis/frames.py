@@ -111,50 +111,38 @@ def read_results(
         paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
             with this package, such as v1, where there is no such folder.
         partial: also take runs that are not finished.
-        every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time. `layers` is
-            the same either way.
-        progress: read progress.csv; or only these columns of it and those that every run has, of the runs that have
-            one of these.
-        processes: how many read folders side by side, where there are many and the system can fork; what is read does
-            not depend on it.
+        every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time.
+        progress: read progress.csv; or of the runs that have one of these columns, these and those that every run has.
+        processes: how many read folders side by side, where there are many; what is read does not depend on it.
         meanwhile: what this process does first, while others have begun to read, such as a long import.
         longest: leave out, without a fault, a run that is the beginning of another one, which was made longer.
 
-    Returns:
-        The runs that can be used, sorted by task, method, variant and seed, and faults about all others.
+    Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others.
     """
     load_folder = with_arguments(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
         found = _Found(every_goal)
         for path in paths:
             found.add(by_name(Path(path)))
-        found.read(lambda folders: parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
-        runs = without_beginnings(found.runs()) if longest else found.runs()
-        return _results(runs, tuple(found.faults), tuple(found.absent))
+        runs = found.read(lambda folders: parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
+        return _results(without_beginnings(runs) if longest else runs, tuple(found.faults), tuple(found.absent))
 
 
 _Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
 
 
 class _Found:
-    """The runs that paths stand for, each once, and faults about all that cannot be used."""
+    """The runs at paths, each once, and faults about all that cannot be used."""
 
     def __init__(self, every_goal: bool) -> None:
         self._every_goal = every_goal
         self._seen: set[Path] = set()
         self._entries: list[tuple[Run | _Folder | str, list[str]]] = []
-        self._kept: dict[str, Run] = {}
-        self.faults: list[str] = []
-        """One line on each folder that gave no run, or not all of it."""
-        self.absent: list[str] = []
-        """The faults of paths that were asked for."""
-
-    def runs(self) -> list[Run]:
-        """Those that can be used."""
-        return list(self._kept.values())
+        self.faults: list[str] = []  # one line on each folder that gave no run, or not all of it
+        self.absent: list[str] = []  # the faults of paths that were asked for
 
     def add(self, path: Path) -> None:
-        """Note what a path stands for: a fault, a folder to read, or a run of a published set."""
+        """Note what is at a path: a fault, a folder to read, or a run of a published set."""
         try:
             found = look(path)
             published = read_set(path, self._every_goal) if found.published else []
@@ -174,26 +162,24 @@ class _Found:
         self._seen.add(path)
         return len(self._seen) > size
 
-    def read(self, load_all: Callable[[list[_Folder]], list[Run | str]]) -> None:
-        """Read the folders, and keep what can be used; complete runs first, which none that is partial replaces."""
+    def read(self, load_all: Callable[[list[_Folder]], list[Run | str]]) -> list[Run]:
+        """What can be used, once the folders are read; complete runs first, which none that is partial replaces."""
+        kept: dict[str, Run] = {}
         loaded = iter(load_all([what for what, _ in self._entries if isinstance(what, tuple)]))
         entries = [(next(loaded) if isinstance(what, tuple) else what, faults) for what, faults in self._entries]
-        for run, faults in sorted(entries, key=lambda entry: _is_partial(entry[0])):
+        for run, faults in sorted(entries, key=lambda e: isinstance(e[0], Run) and not e[0].values["complete"]):
             if isinstance(run, str):
                 faults.append(run)
             elif run.evaluations is None and not run.fault:
                 faults.append(f"{run.path} is partial: it has no result.json; left out")
-            elif first := self._kept.get(run.identity()):
+            elif first := kept.get(run.identity()):
                 faults.append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
             elif run.fault:
                 faults.append(run.fault)
             else:
                 self.faults += run.notes
-                self._kept[run.identity()] = run
-
-
-def _is_partial(what: Run | str) -> bool:
-    return isinstance(what, Run) and not what.values["complete"]
+                kept[run.identity()] = run
+        return list(kept.values())
 
 
 def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
@@ -238,8 +224,7 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
 
 
 def _key(variant: str, run: Run) -> tuple[Any, ...]:
-    values = run.values
-    return values["task"], place_of(values["method"]), variant, values["seed"], str(run.path)
+    return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

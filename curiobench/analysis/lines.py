@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axis import XAxis, YAxis
     from matplotlib.figure import Figure
 
-OVERLAID = 6  # most lines that can still be told apart in one panel
+OVERLAID = 6  # most lines that can be distinguished in one panel
 GROUPS = 7  # most rows of small multiples in one figure: a page holds no more
 COLUMNS = 3  # panels side by side
 QUARTERS = (0, 0.25, 0.5, 0.75, 1)  # ticks of shares
-CLOSER = (0.1, 0.2, 0.4)  # where the y axis may end instead of at 1, so that low curves can be told apart
+CLOSER = (0.1, 0.2, 0.4)  # where the y axis may end instead of at 1, so that low curves can be distinguished
 STEPS = (1, 2, 2.5, 5, 10)  # distances of ticks of counts, times a power of ten
-REFERENCE = "sac"  # method that stands in every panel of small multiples: what the others add to
+REFERENCE = "sac"  # method in every panel of small multiples: what the others add to
 _WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])")  # where the words of a class name meet
 
 
@@ -44,15 +44,11 @@ class Axis:
     x: str
     y: str
     ticks: Callable[[float], str] | None = None  # text of a tick on the x axis, where it is more than its number
-    whole: bool = True  # whether x is counted
+    integers: bool = True  # whether x is counted
 
 
 def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -> list["Figure"]:
-    """Draw the mean over seeds of each sample in each panel, with the 95 % bootstrap interval as a band.
-
-    Returns:
-        One figure; several where small multiples need more than a page.
-    """
+    """Draw each sample's mean over seeds in each panel, and its 95 % interval as a band; several figures if need be."""
     curves = _Curves(samples, panels)
     panels = _closer(curves, panels)
     if len(samples) <= OVERLAID:
@@ -97,7 +93,7 @@ class _Curves:
         gap = max(1, len(x) // 5)
         shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
         marks = list(range(min(shift, len(x) - 1), len(x), gap))
-        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers stay whole
+        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers are not cut
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
         """Line of a sample that others are seen against."""
@@ -175,7 +171,7 @@ def _finish(axes: "Axes", panel: Panel, axis: Axis, bins: int, first: bool) -> N
 
     axes.set_xlim(0, max(line.get_xdata()[-1] for line in axes.lines) or 1)
     axes.set_ylim(-0.04 * panel.top, 1.04 * panel.top)
-    axes.xaxis.set_major_locator(MaxNLocator(bins, integer=axis.whole, steps=STEPS))
+    axes.xaxis.set_major_locator(MaxNLocator(bins, integer=axis.integers, steps=STEPS))
     number_axis(axes.yaxis, panel.top)
     if axis.ticks is not None:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: axis.ticks(x)))

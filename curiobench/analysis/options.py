@@ -14,7 +14,7 @@ from curiobench.tasks.registration import EPISODE_STEPS
 if TYPE_CHECKING:
     import pandas as pd
 
-RUN_OPTIONS = ("task", "method", "seed")  # options that tell runs apart: every table has a column of each
+RUN_OPTIONS = ("task", "method", "seed")  # options in which runs of a grid differ: every table has a column of each
 _PAPER = PRESETS["paper"]
 PAPER_STEPS = _PAPER.epochs * _PAPER.cycles * _PAPER.worlds * _PAPER.rollouts * EPISODE_STEPS
 """Steps of a run of the paper."""
@@ -24,13 +24,8 @@ _SETTINGS = "method_config."  # before the names of a method's own settings
 def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """The options in which a run differs from others of its task and method, as "sac.tau=0.1, sac.gamma=0.9".
 
-    Where such runs are of several presets, the preset is named, and further options only where they differ within it.
-
-    Args:
-        options: of each run, nested as in config.json, the machine's left out.
-
-    Returns:
-        A text a run; "" where the others have the same options.
+    They are nested as in config.json, the machine's left out. Where such runs are of several presets, the preset is
+    named, and further options only where they differ within it.
     """
     flat = [flatten(run) for run in options]
     found = [""] * len(flat)

@@ -7,7 +7,16 @@ from itertools import groupby
 from curiobench.analysis.options import PAPER_STEPS, cautions, millions, spread
 from curiobench.analysis.samples import TaskSamples
 from curiobench.analysis.summaries import Summary
-from curiobench.analysis.tables import Column, Table, Value, interval_notes, layer_name, learned_values, name_columns
+from curiobench.analysis.tables import (
+    Column,
+    Table,
+    Value,
+    interval_notes,
+    key_of,
+    layer_name,
+    learned_values,
+    name_columns,
+)
 
 PAPER_TASK = "stack3"
 PAPER_GOALS = (8, 21, 6)  # Table 1: goals of one, two and three layers
@@ -59,7 +68,7 @@ def _tables_of_task(task: TaskSamples, summaries: list[Summary]) -> list[Table]:
 
 
 def _shared_notes(task: TaskSamples, summaries: Sequence[Summary]) -> tuple[str, ...]:
-    """What stands under each table of a task, for each may be shown alone."""
+    """The notes under each table of a task, for each may be printed alone."""
     notes, steps = [task.scale, *interval_notes(summaries)], task.runs["steps"]
     if task.task != PAPER_TASK:
         notes.append(f"the paper's numbers are of {PAPER_TASK}, another task than {task.task}")
@@ -89,13 +98,13 @@ def _paper_values(counts: Sequence[int]) -> dict[str, Value]:
 
 
 def _our_columns(task: TaskSamples, digits: int) -> list[Column]:
-    layers = [Column(f"learned_{layer}", layer_name(layer), digits) for layer in task.sizes if layer]
+    layers = [Column(key_of("learned", layer), layer_name(layer), digits) for layer in task.sizes if layer]
     return [*layers, Column("learned", "total", digits)]
 
 
 def _goals_table(task: TaskSamples) -> Table:
     columns = (Column("task", "task"), *_our_columns(task, 0), *_paper_columns(task.task))
-    goals = {f"learned_{layer}" if layer else "learned": number for layer, number in task.sizes.items()}
+    goals = {key_of("learned", layer): number for layer, number in task.sizes.items()}
     row = {"table": 1, "task": task.task} | _paper_values(PAPER_GOALS) | goals
     return Table(f"Table 1, {task.task}: goals", columns, (row,))
 

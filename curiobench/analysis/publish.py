@@ -22,24 +22,19 @@ _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
 
 
 def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
-    """Write the published set of runs.
+    """Write the published set of runs, and return one line on each part of it.
 
     The set is written beside its place and renamed when it is complete. Where there is one already, files in it that
     are not written here, such as a README, are kept.
 
     Args:
-        paths: run folders, folders of run folders (such as a grid's), published sets. A run that was made longer takes
-            the place of its beginning.
+        paths: run folders, grids, published sets. A run that was made longer takes the place of its beginning.
         out: folder of the set.
         allow_dirty: also take runs of altered code, or of code whose commit is not known.
         replace: also where the set that is there has runs that the new one lacks, or other numbers for a run.
 
-    Returns:
-        One line on each part of the set.
-
-    Raises:
-        ValueError: a folder is missing, broken, partial, a duplicate or foreign, a run's code is not a commit, or `out`
-            holds something else or cannot be written; names each. What is at `out` is left as it is.
+    Raises ValueError where a folder is missing, broken, partial, a duplicate or foreign, a run's code is no commit, or
+    `out` holds something else or cannot be written; names each. What is at `out` is then left as it is.
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
@@ -97,7 +92,7 @@ def _tidy(out: Path, old: Path, new: Path) -> None:
 
 
 def _keep_others(out: Path, new: Path) -> None:
-    """Copy what stands beside the files of the set that is there, such as a README."""
+    """Copy what is beside the files of the set that is there, such as a README."""
     for path in out.iterdir() if out.exists() else ():
         if path.name in _OWN:
             continue

@@ -30,7 +30,7 @@ from curiobench.files import replace_file
 if TYPE_CHECKING:
     from jinja2 import Template
 
-PIXELS_A_POINT = 4 / 3 * 1.25  # of a figure, which is shown at most a quarter larger than on paper
+PIXELS_A_POINT = 4 / 3 * 1.25  # of a figure, which is at most a quarter larger than on paper
 
 _COORDINATES = re.compile(rb'( (?:d|x|y|width|height)="|translate\()([^")]*)')
 _LONG = re.compile(rb"-?\d+\.\d{2,}")
@@ -46,7 +46,7 @@ def write_report(
     baseline: str | None = None,
     processes: int = 1,
 ) -> Results:
-    """Write a report on runs.
+    """Write a report on the runs at paths, and return these, with the faults that the page names too.
 
     Args:
         paths: run folders, folders of run folders, published sets.
@@ -56,11 +56,7 @@ def write_report(
         baseline: method that the others are compared with; sac, where there are runs of it, if None.
         processes: how many read and draw side by side; the page does not depend on it.
 
-    Returns:
-        The runs, and the faults found among them, which the page names too.
-
-    Raises:
-        ValueError: no run that can be used, no run of the baseline, or a file that cannot be written.
+    Raises ValueError where no run can be used, none is of the baseline, or the file cannot be written.
     """
     if out.is_dir():
         raise ValueError(f"cannot write {out}: it is a folder; name a file, such as {out / 'report.html'}")
@@ -81,7 +77,7 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
     tasks = task_samples(results)
     samples = [sample for task in tasks for sample in task.samples]
     opening, methods = warnings(results, tasks), {sample.method for sample in samples}
-    return _template().render(  # which escapes all texts
+    return _page().render(  # which escapes all texts
         title=title or f"Curiosity methods on {listed(task.task for task in tasks)}",
         sentences=sentences(results, tasks),
         warnings=opening,
@@ -96,26 +92,21 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
         runs=run_rows(samples),
         run_headings=RUN_HEADINGS,
         versions=sorted({str(version) for version in results.runs["curiobench"] if version}),
-        **_inlined(),
     )
 
 
 @cache
-def _template() -> "Template":
+def _page() -> "Template":
+    """The template with style, script, and the digest that allows this script to run and no other."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    loader = PackageLoader("curiobench.analysis", "page")
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined).get_template("page.html.j2")
-
-
-@cache
-def _inlined() -> dict[str, Any]:
-    """Style and script of the page, and the digest that allows this script to run and no other."""
     from markupsafe import Markup
 
+    loader = PackageLoader("curiobench.analysis", "page")
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
     style, script = ((files("curiobench.analysis") / "page" / name).read_text() for name in ("page.css", "page.js"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return {"style": Markup(style), "script": Markup(script), "script_digest": digest}
+    environment.globals |= {"style": Markup(style), "script": Markup(script), "script_digest": digest}
+    return environment.get_template("page.html.j2")
 
 
 def pictures(results: Results, processes: int = 1) -> list[dict[str, Any]]:

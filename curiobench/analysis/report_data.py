@@ -14,7 +14,7 @@ from curiobench.analysis.frames import Results
 from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.style import count, line_style
+from curiobench.analysis.style import count, line_style, seeds_in_words
 from curiobench.analysis.summaries import Estimate
 from curiobench.analysis.tables import Column, Table, Value
 from curiobench.config import flatten
@@ -23,7 +23,7 @@ from curiobench.tasks.registration import n_blocks_of
 
 FAR_BELOW = 0.5  # share of the paper's steps below which the scale of runs is warned of
 MOST_NAMES = 3  # names in a sentence, before it only counts
-MOST_CARDS = 100  # goals of the largest task that is shown goal by goal; four blocks have hundreds
+MOST_CARDS = 100  # goals of the largest task with a card for each goal; four blocks have hundreds
 BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 """Blocks, and the colours of their fronts in the pictures."""
 ENVIRONMENT = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
@@ -61,12 +61,10 @@ def _ends(samples: Sequence[Sample]) -> tuple[int, int]:
 def _what(task: TaskSamples) -> str:
     runs, methods = task.runs, task.runs["method"].nunique()
     variants = f" in {len(task.samples)} variants" if len(task.samples) > methods else ""
-    low, high = _ends(task.samples)
-    seeds = count(low, "seed") if low == high else f"{low} to {high} seeds"
     complete = int(runs["complete"].sum())
     kind = "all complete" if complete == len(runs) else f"{complete} of them complete"
     total = f"{count(len(runs), 'run')}, {kind}" if len(runs) > 1 else f"1 run, {'' if complete else 'not '}complete"
-    return f"{task.task}: {count(methods, 'method')}{variants} × {seeds}, {total}."
+    return f"{task.task}: {count(methods, 'method')}{variants} × {seeds_in_words(task.samples)}, {total}."
 
 
 def _when(runs: pd.DataFrame) -> str:
@@ -128,7 +126,7 @@ class Heading(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """What stands in a table."""
+    """A value in a table."""
 
     text: str
     order: str  # text or number that its column is sorted by; "" comes last
@@ -205,7 +203,7 @@ def _picture(bits: str) -> str:
 def options(samples: Sequence[Sample]) -> dict[str, list]:
     """Options, versions and machines: `shared` by all, names of the `differing` ones, and samples alike in these.
 
-    Options under `machine`, which change no number, are left out. Settings of the curiosity methods stand apart.
+    Options under `machine`, which change no number, are left out. Settings of the curiosity methods are apart.
     """
     values = {sample: _values(sample.runs) for sample in samples}
     shared, differing = [], []
@@ -265,7 +263,7 @@ _SHOWN: dict[str, tuple[str, Callable[[Any], str] | None]] = {
 """Columns of runs that the list of runs shows, their heads, and how numbers are written."""
 RUN_HEADINGS = (Heading("run"), *(Heading(head, write is not None) for head, write in _SHOWN.values()))
 _FACTS = ("git_commit", *PACKAGES, "python", "machine", "created", "finished", "preset", "robot", "updates")
-"""Columns that stand below the command of a run, where they are known; some under another name."""
+"""Columns that are listed below the command of a run, where they are known; some under another name."""
 _TITLES = {"git_commit": "git commit", "mujoco": "MuJoCo", "torch": "PyTorch", "numpy": "NumPy", "python": "Python"}
 _TITLES |= {"created": "begun"}
 

@@ -40,18 +40,14 @@ _ROUNDING = 1e-6
 
 
 def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str, list[Finding]]:
-    """Examine whether somebody's runs can stand beside the published ones.
+    """Examine whether runs are comparable with the published ones.
 
     Args:
         paths: run folders, folders of run folders (such as a grid's), published sets.
         against: name or path of the published set that is the reference, or "presets"; None for the newest set that
-            comes with this package, or the presets where there is none.
+            comes with this package, or the presets where there is none. Raises ValueError where there is no such set.
 
-    Returns:
-        A line that says what is compared with what, and a finding a property.
-
-    Raises:
-        ValueError: there is no such set.
+    Returns a line that says what is compared with what, and a finding a property.
     """
     compared, runs = reference(against), read_submission(paths)
     methods = ", ".join(dict.fromkeys(runs.results.runs["method"])) or "no method"

@@ -175,15 +175,10 @@ def _command(record: Mapping[str, Any]) -> str:
 
 
 def with_rows(run: Run, every_goal: bool = True, progress: bool | Collection[str] = True) -> Run:
-    """A run with its rows.
+    """A run by `read_head` with its rows; the other arguments are those of `read_evaluations` and `read_progress`.
 
-    Args:
-        run: by `read_head`.
-        every_goal: see `read_evaluations`.
-        progress: see `read_progress`. Of a partial run it is read in any case, as it alone has what the run cost.
-
-    Raises:
-        ValueError: a file is missing or damaged, or the files disagree; one line that names the folder.
+    Of a partial run progress.csv is read in any case, as it alone has what the run cost. Raises ValueError, one line
+    that names the folder, where a file is missing or damaged, or the files disagree.
     """
     partial = run.result is None
     file = run.path / "evaluations.csv"

@@ -34,7 +34,7 @@ class Sample:
     last_success: np.ndarray  # (S, L) as `success`, at each run's end
     last_learned: np.ndarray  # (S, L) as `learned`, at each run's end
     area: np.ndarray  # (S,) success over all goals, averaged over all of a run's training
-    reached: np.ndarray  # (S,) epochs until a success over all goals of `GOOD_SUCCESS`; NaN for never
+    reached: np.ndarray  # epochs until a success over all goals of `GOOD_SUCCESS`, of the seeds that had it
     goal_success: np.ndarray  # (S, G) success of each goal at each run's end
     goal_learned: np.ndarray  # (S, G) 1 where that goal is learned, 0 elsewhere
     logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -77,8 +77,7 @@ class TaskSamples:
 def task_samples(results: Results) -> list[TaskSamples]:
     """The samples of each task, tasks by name.
 
-    Raises:
-        ValueError: no run, runs of one task with different goals, or runs of one method without a common evaluation.
+    Raises ValueError without a run, or where runs of a task differ in their goals or share no evaluation.
     """
     if results.runs.empty:
         raise ValueError("no run to draw" + "".join(f"; {fault}" for fault in results.faults))
@@ -130,7 +129,7 @@ def _curves(runs: Sequence[str], frame: pd.DataFrame, layers: Sequence[int]) -> 
     last_success, last_learned = grid[:, np.arange(len(runs)), len(epochs) - 1 - known[:, ::-1].argmax(axis=1)]
     scores = [_over_training(epochs[own], values[own, 0]) for own, values in zip(known, grid[0], strict=True)]
     area, reached = np.array(scores).T
-    return epochs[common], *grid[:, :, common], last_success, last_learned, area, reached
+    return epochs[common], *grid[:, :, common], last_success, last_learned, area, reached[~np.isnan(reached)]
 
 
 def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, float]:

@@ -22,14 +22,9 @@ _NUMBERS = ("epoch", "steps", "updates", "hours", "peak_memory_mb")
 
 
 def read_set(folder: Path, every_goal: bool = True) -> list[Run]:
-    """The runs of a published set.
+    """The runs of a published set, with every evaluation of each, or the last.
 
-    Args:
-        folder: holds `PUBLISHED_FILES`.
-        every_goal: keep every evaluation of each run; otherwise the last.
-
-    Raises:
-        ValueError: a file is damaged or lacks a column, or the files disagree; names the folder.
+    Raises ValueError, which names the folder, where a file is damaged or lacks a column, or the files disagree.
     """
     try:
         return _read(folder, every_goal)

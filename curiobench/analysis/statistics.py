@@ -1,6 +1,6 @@
 """Statistics of a few seeds, as Agarwal et al. (2021), "Deep RL at the edge of the statistical precipice", define them.
 
-Scores are arrays `(S, T)`: S seeds of T strata, such as tasks. In a third axis `(S, T, G)` stand scores of one and the
+Scores are arrays `(S, T)`: S seeds of T strata, such as tasks. In a third axis `(S, T, G)` are scores of one and the
 same agent, such as of its goals: they stay together when seeds are resampled, because they depend on each other.
 Intervals are percentile bootstrap intervals by a generator with a seed of its own, NaN for fewer than two seeds. Scores
 of another shape, or that are not finite, raise ValueError.
@@ -129,7 +129,7 @@ def conclusive(n_seeds: int, whose: str = "") -> str | None:
 
 
 def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
-    """`conclusive` of methods that stand together, from their names and numbers of seeds.
+    """`conclusive` of methods that are compared, from their names and numbers of seeds.
 
     One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
     """

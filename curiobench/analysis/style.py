@@ -67,7 +67,7 @@ def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
 def labels(samples: Sequence["Sample"]) -> dict["Sample", str]:
     """What to call each sample: the method, the variant, and the number of seeds where samples differ in it.
 
-    Methods from outside that would share a name keep their whole spec.
+    Methods from outside that would share a name keep their full spec.
     """
     known = Counter(method_name(spec) for spec in {sample.method for sample in samples})
     differ = len({sample.n_seeds for sample in samples}) > 1
@@ -93,6 +93,12 @@ def base(spec: str) -> str:
 def count(number: int, noun: str) -> str:
     """A number of things: "1 run", "27 runs"."""
     return f"{number:,} {noun}" + "s" * (number != 1)
+
+
+def seeds_in_words(samples: Sequence["Sample"]) -> str:
+    """Numbers of seeds: "2 seeds", "1 to 3 seeds"."""
+    low, high = (end(sample.n_seeds for sample in samples) for end in (min, max))
+    return count(low, "seed") if low == high else f"{low} to {count(high, 'seed')}"
 
 
 def layer_in_words(layer: int) -> str:

@@ -162,7 +162,7 @@ def rule(property: str, verdict: str = "FAIL") -> Callable[[Rule], Rule]:
 
 
 def read_submission(paths: Sequence[Path]) -> Submission:
-    """The runs that paths stand for; its faults name those that cannot be used."""
+    """The runs at paths; its faults name those that cannot be used."""
     return _with_records(read_results(paths))
 
 

@@ -50,12 +50,9 @@ class Summary:
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
-    """A summary of every task, method and variant, in the order of the samples.
+    """A summary of every task, method and variant; of partial runs the last evaluation counts as their end.
 
-    Args:
-        tasks: of partial runs among them, the last evaluation counts as their end.
-        baseline: method that the others are compared with, of the same variant or without any; itself it is not
-            compared.
+    All others are compared with the baseline, a method, of the same variant or without any.
     """
     return [_summary(task, sample, _baseline(task, sample, baseline)) for task in tasks for sample in task.samples]
 

@@ -1,12 +1,10 @@
-"""Tables of results: what stands in their rows and columns. How they are written is the business of formats.py."""
+"""Tables of results: their rows and columns. How they are written is the business of formats.py."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
-
-import numpy as np
 
 from curiobench.analysis.frames import Results
 from curiobench.analysis.options import cautions, hour_digits
@@ -54,12 +52,7 @@ class Table:
 
 
 def method_tables(summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
-    """Three tables a task: learned goals, success and cost, with a row a method and variant.
-
-    Args:
-        summaries: by `summarise`; at least one.
-        baseline: that the summaries were made with.
-    """
+    """Three tables a task, of summaries with this baseline: learned goals, success and cost, with a row a sample."""
     groups = groupby(summaries, key=lambda summary: summary.task)
     return [table for _, group in groups for table in _tables_of_task(list(group), baseline)]
 
@@ -123,6 +116,11 @@ def layer_name(layer: int) -> str:
     return "1 layer" if layer == 1 else f"{layer} layers"
 
 
+def key_of(name: str, layer: int) -> str:
+    """Name of a column of numbers of a layer; 0 is all layers together."""
+    return f"{name}_{layer}" if layer else name
+
+
 def name_columns(summaries: Sequence[Summary]) -> list[Column]:
     """The first columns of a table of methods."""
     variant = [Column("variant", "options")] if any(summary.sample.variant for summary in summaries) else []
@@ -131,12 +129,12 @@ def name_columns(summaries: Sequence[Summary]) -> list[Column]:
 
 def learned_values(summary: Summary) -> dict[str, Value]:
     """What every table of methods has: learned goals, and of whom."""
-    sample, learned = summary.sample, {f"learned_{k}" if k else "learned": v for k, v in summary.learned.items()}
+    sample, learned = summary.sample, {key_of("learned", layer): value for layer, value in summary.learned.items()}
     return {"method": sample.method, "variant": sample.variant, "seeds": sample.n_seeds, **learned}
 
 
 def _row(summary: Summary) -> dict[str, Value]:
-    runs, reached = summary.sample.runs, _reached(summary)
+    runs, reached = summary.sample.runs, summary.sample.reached
     some = "" if len(reached) in (0, len(runs)) else f" ({len(reached)} of {len(runs)} seeds)"
     return learned_values(summary) | {
         "middle_success": summary.middle_success,
@@ -151,11 +149,6 @@ def _row(summary: Summary) -> dict[str, Value]:
     }
 
 
-def _reached(summary: Summary) -> np.ndarray:
-    """Epochs until good success, of the seeds that have reached it."""
-    return summary.sample.reached[~np.isnan(summary.sample.reached)]
-
-
 def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
     """All numbers of `method_tables` in one table for csv files, with one row a task, method and variant."""
     layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
@@ -167,8 +160,8 @@ def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
     ]
     rows = []
     for summary in summaries:
-        reached, epochs = _reached(summary), sorted(set(summary.sample.runs["epoch"].tolist()))
-        goals = {f"goals_{layer}" if layer else "goals": number for layer, number in summary.task.sizes.items()}
+        reached, epochs = summary.sample.reached, sorted(set(summary.sample.runs["epoch"].tolist()))
+        goals = {key_of("goals", layer): number for layer, number in summary.task.sizes.items()}
         flat = {"task": summary.task.task, "epochs": " ".join(map(str, epochs)), "seeds_good": len(reached)}
         flat |= {"epochs_to_good": float(reached.mean()) if len(reached) else None}
         rows.append(_row(summary) | goals | flat | {"baseline": None if summary.better is None else baseline})
@@ -180,38 +173,29 @@ def run_table(results: Results, flat: bool = False) -> Table:
 
     `flat` gives it the columns for csv files.
     """
-    rows = [_run_row(run, rows, flat) for run, rows in _last_layers(results)]
+    ends = {run: rows.to_dict("records") for run, rows in results.layers.groupby("run", observed=True)}
+    rows = [_run_row(run, ends[run["run"]], flat) for run in results.runs.to_dict("records")]
     layers = sorted(set(results.layers["layer"]) - {0})
     names = ["run", "task", "method", "variant", "seed"]
     if not flat and not results.runs["variant"].any():
         names.remove("variant")
     columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in names]
-    counts = {f"learned_{layer}": layer_name(layer) for layer in layers} | {"learned": "total"}
+    layers.append(0)
     if flat:
-        goals = [name for key in counts for name in (key, key.replace("learned", "goals"))]
+        goals = [key_of(name, layer) for layer in layers for name in ("learned", "goals")]
         columns += [Column(name, name) for name in ("epoch", "epochs", "complete", *goals)]
     else:
-        columns += [Column("epoch", "epoch"), *(Column(key, heading) for key, heading in counts.items())]
+        learned = [Column(key_of("learned", layer), layer_name(layer) if layer else "total") for layer in layers]
+        columns += [Column("epoch", "epoch"), *learned]
     return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), tuple(rows))
 
 
-def _last_layers(results: Results) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
-    """Each run's row, and its rows of the frame `layers` at its last evaluation."""
-    last = results.layers[
-        results.layers["epoch"] == results.layers.groupby("run", observed=True)["epoch"].transform("max")
-    ]
-    ends = {run: rows.to_dict("records") for run, rows in last.groupby("run", observed=True)}
-    return [(run, ends[run["run"]]) for run in results.runs.to_dict("records")]
-
-
 def _run_row(run: dict[str, Any], layers: list[dict[str, Any]], flat: bool) -> dict[str, Value]:
-    row = run | {"success": layers[0]["success"]}
-    for of_layer in layers:
-        key = f"learned_{of_layer['layer']}" if of_layer["layer"] else "learned"
-        if flat:
-            row |= {key: of_layer["learned"], key.replace("learned", "goals"): of_layer["goals"]}
-        else:
-            row[key] = f"{of_layer['learned']}/{of_layer['goals']}"
+    row = dict(run)
+    for found in (layer for layer in layers if layer["epoch"] == run["epoch"]):
+        learned, goals = (key_of(name, found["layer"]) for name in ("learned", "goals"))
+        row |= {learned: found["learned"] if flat else f"{found['learned']}/{found['goals']}", goals: found["goals"]}
+        row.setdefault("success", found["success"])  # the first layer is all goals together
     if flat:
         return row | {"complete": int(run["complete"])}
     return row | {"epoch": f"{run['epoch']}" + f" of {run['epochs']}" * (run["epoch"] != run["epochs"])}
