@@ -3,7 +3,6 @@
 import hashlib
 import os
 import re
-from dataclasses import dataclass, field
 from os.path import isfile  # which raises nothing, where Path.exists may
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -30,78 +29,66 @@ class GridRun(NamedTuple):
         return f"{self.task} {self.method} seed {self.seed}"
 
 
-@dataclass(frozen=True)
-class Found:
-    """What is at a path."""
-
-    runs: dict[Path, GridRun | None] = field(default_factory=dict)  # run folders, and what a grid expects in each
-    published: bool = False  # the path is a published set
-    faults: tuple[str, ...] = ()  # one line on each folder that a grid lacks, or that is no run
+def is_published(path: Path) -> bool:
+    """Whether a folder is a published set."""
+    return not isfile(path / "config.json") and all(isfile(path / name) for name in PUBLISHED_FILES)
 
 
-def look(path: Path) -> Found:
-    """What is at a path; raises ValueError where it is no folder, holds no run, or has a damaged grid.json."""
+def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
+    """Run folders at a path with what a grid expects in each, and one line on each that a grid lacks or is no run.
+
+    Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.
+    """
     if not path.is_dir():
         raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
     if isfile(path / "config.json"):
-        return Found({path: None})
-    if is_published(path):
-        return Found(published=True)
+        return {path: None}, []
     inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
-    if isfile(path / "grid.json"):
-        return _look_at_grid(path, inside)
     runs = [child for child in inside if isfile(child / "config.json")]
+    if isfile(path / "grid.json"):
+        expected = _read_grid(path)
+        found = {folder: run for folder, run in expected.items() if isfile(folder / "config.json")}
+        faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in found]
+        ours = {path / folder.relative_to(path).parts[0] for folder in expected}
+        for child in (child for child in inside if child not in ours):
+            kind = "a run, but not one of the grid's" if child in runs else "no run folder"
+            faults.append(f"{child} is foreign: it is {kind}; left out")
+        return found, faults
     if not runs:
         raise ValueError(f"{path} is no run folder: it has no config.json, nor has a folder in it")
-    foreign = tuple(f"{child} is no run folder: it has no config.json" for child in inside if child not in runs)
-    return Found(dict.fromkeys(runs), faults=foreign)
+    return dict.fromkeys(runs), [
+        f"{child} is no run folder: it has no config.json" for child in inside if child not in runs
+    ]
 
 
-def is_published(path: Path) -> bool:
-    """Whether a folder is a published set."""
-    return all(isfile(path / name) for name in PUBLISHED_FILES)
-
-
-def _look_at_grid(path: Path, inside: list[Path]) -> Found:
-    expected = {path / folder: run for folder, run in _read_grid(path / "grid.json").items()}
-    runs = {folder: run for folder, run in expected.items() if isfile(folder / "config.json")}
-    faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in runs]
-    ours = {path / folder.relative_to(path).parts[0] for folder in expected}
-    for child in inside:
-        if child not in ours:
-            kind = "a run, but not one of the grid's" if isfile(child / "config.json") else "no run folder"
-            faults.append(f"{child} is foreign: it is {kind}; left out")
-    return Found(runs, faults=tuple(faults))
-
-
-def _read_grid(path: Path) -> dict[str, GridRun]:
+def _read_grid(path: Path) -> dict[Path, GridRun]:
     """The runs of a grid by folder, from its grid.json; raises ValueError where it is damaged."""
-    if not path.is_file() or path.stat().st_size > _MAX_GRID_BYTES:
-        raise ValueError(f"{path} is no list of cells")
-    grid = read_json(path)
+    file = path / "grid.json"
+    if not file.is_file() or file.stat().st_size > _MAX_GRID_BYTES:
+        raise ValueError(f"{file} is no list of cells")
+    grid = read_json(file)
     if grid.get("format") != GRID_FORMAT:
-        raise ValueError(f"{path} is not a grid's: its format is {grid.get('format')!r:.80}")
+        raise ValueError(f"{file} is not a grid's: its format is {grid.get('format')!r:.80}")
     if not isinstance(grid.get("cells"), list):
-        raise ValueError(f"{path} has no list of cells")
-    return {_folder(path, cell): GridRun(cell["task"], cell["method"], cell["seed"]) for cell in grid["cells"]}
+        raise ValueError(f"{file} has no list of cells")
+    return {path / _folder(file, cell): GridRun(*map(cell.get, GridRun._fields)) for cell in grid["cells"]}
 
 
-def _folder(path: Path, cell: Any) -> str:
+def _folder(file: Path, cell: Any) -> str:
     """Folder of a cell of grid.json, checked: it lies below the grid's."""
     kinds = {"folder": str, "task": str, "method": str, "seed": int}
     sound = isinstance(cell, dict) and all(type(cell.get(name)) is kind for name, kind in kinds.items())
     if not sound or not (cell["task"] + cell["method"]).isprintable():
-        raise ValueError(f"{path} has a damaged cell: {str(cell)[:80]!r}")
+        raise ValueError(f"{file} has a damaged cell: {str(cell)[:80]!r}")
     folder = PurePosixPath(cell["folder"])
     if folder.is_absolute() or ".." in folder.parts or not folder.parts or not cell["folder"].isprintable():
-        raise ValueError(f"{path} has the cell {cell['folder']!r}; a cell is a folder below the grid's")
+        raise ValueError(f"{file} has the cell {cell['folder']!r}; a cell is a folder below the grid's")
     return cell["folder"]
 
 
 def available() -> list[str]:
     """Names of the published sets that come with this package, oldest first."""
-    home = _home()
-    paths = home.iterdir() if home.is_dir() else ()
+    paths = _home().iterdir() if _home().is_dir() else ()
     names = [path.name for path in paths if _VERSION.fullmatch(path.name) and is_published(path)]
     return sorted(names, key=lambda name: int(name[1:]))
 
@@ -127,14 +114,14 @@ def by_name(path: Path) -> Path:
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
     """Raises ValueError where a file of a published set has another digest than its SHA256SUMS says."""
     sums = read_sums(folder)
-    for path in (folder / file for file in files):
+    for name, path in ((name, folder / name) for name in files):
         try:
             if not path.is_file():
                 raise ValueError(f"{path} is no file")
             found = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
-        if sums.get(str(path.relative_to(folder))) != found:
+        if sums.get(name) != found:
             raise ValueError(f"{path} is not the file that was published: {SUMS} has another digest of it")
 
 

@@ -3,7 +3,7 @@
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial as with_arguments
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from curiobench.analysis.folders import GridRun, by_name, locate, look
+from curiobench.analysis.folders import GridRun, by_name, is_published, locate, look
 from curiobench.analysis.options import variants
 from curiobench.analysis.rows import DTYPES
 from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows
@@ -121,65 +121,65 @@ def read_results(
     """
     load_folder = with_arguments(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
-        found = _Found(every_goal)
-        for path in paths:
-            found.add(by_name(Path(path)))
-        runs = found.read(lambda folders: parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
-        return _results(without_beginnings(runs) if longest else runs, tuple(found.faults), tuple(found.absent))
+        seen: set[Path] = set()
+        found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, seen)]
+        folders = [what for what, _ in found if isinstance(what, tuple)]
+        loaded = iter(parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
+        read = [(next(loaded) if isinstance(what, tuple) else what, asked) for what, asked in found]
+        runs, faults, absent = _usable(read)
+        return _results(without_beginnings(runs) if longest else runs, (*faults, *absent), tuple(absent))
 
 
 _Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
 
 
-class _Found:
-    """The runs at paths, each once, and faults about all that cannot be used."""
+def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _Folder | str, bool]]:
+    """Runs of a published set, folders to read, and faults at a path; and whether the path itself was asked for.
 
-    def __init__(self, every_goal: bool) -> None:
-        self._every_goal = every_goal
-        self._seen: set[Path] = set()
-        self._entries: list[tuple[Run | _Folder | str, list[str]]] = []
-        self.faults: list[str] = []  # one line on each folder that gave no run, or not all of it
-        self.absent: list[str] = []  # the faults of paths that were asked for
+    A folder that was `seen` at a path before is left out.
+    """
 
-    def add(self, path: Path) -> None:
-        """Note what is at a path: a fault, a folder to read, or a run of a published set."""
-        try:
-            found = look(path)
-            published = read_set(path, self._every_goal) if found.published else []
-        except (ValueError, OSError) as error:
-            self._entries.append((str(error), self.absent))
-            return
-        self._entries += [(fault, self.faults) for fault in found.faults]
-        if found.published and self._is_new(path):
-            self._entries += [(run, self.faults) for run in published]
-        for folder, expected in found.runs.items():
-            if self._is_new(folder):
-                self._entries.append(((folder, expected), self.absent if folder == path else self.faults))
+    def is_new(folder: Path) -> bool:
+        resolved, size = folder.resolve(), len(seen)
+        seen.add(resolved)
+        return len(seen) > size
 
-    def _is_new(self, path: Path) -> bool:
-        """Whether no path before stood for this folder, which is known from now on."""
-        path, size = path.resolve(), len(self._seen)
-        self._seen.add(path)
-        return len(self._seen) > size
+    try:
+        if path.is_dir() and is_published(path):
+            published, folders, faults = read_set(path, every_goal), {}, []
+        else:
+            published, (folders, faults) = [], look(path)
+    except (ValueError, OSError) as error:
+        yield str(error), True
+        return
+    yield from ((fault, False) for fault in faults)
+    if published and is_new(path):
+        yield from ((run, False) for run in published)
+    for folder, expected in folders.items():
+        if is_new(folder):
+            yield (folder, expected), folder == path
 
-    def read(self, load_all: Callable[[list[_Folder]], list[Run | str]]) -> list[Run]:
-        """What can be used, once the folders are read; complete runs first, which none that is partial replaces."""
-        kept: dict[str, Run] = {}
-        loaded = iter(load_all([what for what, _ in self._entries if isinstance(what, tuple)]))
-        entries = [(next(loaded) if isinstance(what, tuple) else what, faults) for what, faults in self._entries]
-        for run, faults in sorted(entries, key=lambda e: isinstance(e[0], Run) and not e[0].values["complete"]):
-            if isinstance(run, str):
-                faults.append(run)
-            elif run.evaluations is None and not run.fault:
-                faults.append(f"{run.path} is partial: it has no result.json; left out")
-            elif first := kept.get(run.identity()):
-                faults.append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
-            elif run.fault:
-                faults.append(run.fault)
-            else:
-                self.faults += run.notes
-                kept[run.identity()] = run
-        return list(kept.values())
+
+def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str], list[str]]:
+    """Runs that can be used, each once, and faults about the others, those of paths that were asked for apart.
+
+    Complete runs come first, which none that is partial replaces.
+    """
+    kept: dict[str, Run] = {}
+    faults: tuple[list[str], list[str]] = ([], [])
+    for run, asked in sorted(read, key=lambda one: isinstance(one[0], Run) and not one[0].values["complete"]):
+        if isinstance(run, str):
+            faults[asked].append(run)
+        elif run.evaluations is None and not run.fault:
+            faults[asked].append(f"{run.path} is partial: it has no result.json; left out")
+        elif first := kept.get(run.identity()):
+            faults[asked].append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
+        elif run.fault:
+            faults[asked].append(run.fault)
+        else:
+            faults[False].extend(run.notes)
+            kept[run.identity()] = run
+    return list(kept.values()), *faults
 
 
 def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
@@ -218,7 +218,7 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
         _stacked(frame, [run.layers for run in runs], LAYER_COLUMNS),
         _progress_frame(frame, [run.progress for run in runs]),
         {name: run.config_file for name, run in zip(names, runs, strict=True)},
-        (*faults, *absent),
+        faults,
         absent,
     )
 
