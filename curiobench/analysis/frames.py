@@ -1,11 +1,11 @@
 """Run folders and published sets as pandas frames. docs/results.md says what each column means."""
 
+import functools
 import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial as with_arguments
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,7 @@ from pandas.api.types import union_categoricals
 from curiobench.analysis.folders import GridRun, by_name, is_published, locate, look
 from curiobench.analysis.options import variants
 from curiobench.analysis.rows import DTYPES
-from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows
-from curiobench.analysis.runs import longest as without_beginnings
+from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
 from curiobench.errors import one_line
 from curiobench.methods.specs import canonical
@@ -119,7 +118,7 @@ def read_results(
 
     Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others.
     """
-    load_folder = with_arguments(_load, partial=partial, every_goal=every_goal, progress=progress)
+    load_folder = functools.partial(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
         seen: set[Path] = set()
         found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, seen)]

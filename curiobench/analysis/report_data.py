@@ -89,7 +89,7 @@ def _outcome(task: TaskSamples) -> list[str]:
     least, largest = _ends(task.samples)
     average = " on average over seeds" if largest > 1 else ""
     if len(means) == 1 or most == fewest:
-        who = f"{next(iter(means))}" if len(means) == 1 else "every method"
+        who = task.samples[0].label if len(means) == 1 else "every method"
         line = f"On {task.task} {who} has learned {most:.3g} of {count(len(task.goals), 'goal')}{average}."
     else:
         leaders, others = ([label for label, mean in means.items() if mean == end] for end in (most, fewest))
@@ -174,12 +174,15 @@ def _look(method: str) -> str:
 
 def goal_cards(task: TaskSamples) -> dict[str, Any]:
     """The goals of a task, each with its picture and how often every method reaches it; none if there are too many."""
-    cards = []
-    for place, (name, bits) in enumerate(
-        zip(task.goals, task.bits, strict=True) if len(task.goals) <= MOST_CARDS else ()
-    ):
-        bars = [_bar(sample, place) for sample in task.samples]
-        cards.append({"name": name, "layer": int(task.goal_layers[place]), "picture": _picture(bits), "bars": bars})
+    cards = [
+        {
+            "name": task.goals[goal],
+            "layer": int(task.goal_layers[goal]),
+            "picture": _picture(task.bits[goal]),
+            "bars": [_bar(sample, goal) for sample in task.samples],
+        }
+        for goal in range(len(task.goals) if len(task.goals) <= MOST_CARDS else 0)
+    ]
     blocks = BLOCKS[: n_blocks_of(task.task)] if any(card["picture"] for card in cards) else ()
     return {"task": task.task, "goals": len(task.goals), "cards": cards, "blocks": blocks}
 
@@ -212,9 +215,7 @@ def options(samples: Sequence[Sample]) -> dict[str, list]:
         if name in ENVIRONMENT and len(found) > 1:
             found.discard(MISSING)  # not recorded, which is no difference
         shared.append((name, found.pop())) if len(found) == 1 else differing.append(name)
-    settings = {
-        sample: _together([config.get("method_config") or {} for config in configs(sample.runs)]) for sample in samples
-    }
+    settings = {s: _together([own.get("method_config") or {} for own in configs(s.runs)]) for s in samples}
     texts = {s: ", ".join(f"{name} = {value}" for name, value in own.items()) for s, own in settings.items() if own}
     return {
         "shared": shared,
@@ -234,9 +235,8 @@ def _values(runs: pd.DataFrame) -> dict[str, str]:
 def _together(options: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Options by the names that the command line gives them, with all values that differ."""
     flat = [flatten(own) for own in options]
-    return {
-        name: _joined(own.get(name, MISSING) for own in flat) for name in dict.fromkeys(n for own in flat for n in own)
-    }
+    names = dict.fromkeys(name for own in flat for name in own)
+    return {name: _joined(own.get(name, MISSING) for own in flat) for name in names}
 
 
 def _joined(values: Iterable[object]) -> str:

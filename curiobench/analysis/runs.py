@@ -59,7 +59,7 @@ def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in config.items() if name not in unused and value is not None}
 
 
-def longest(runs: Sequence[Run]) -> list[Run]:
+def without_beginnings(runs: Sequence[Run]) -> list[Run]:
     """The runs without those that were made longer: another one has the same config but for its length, and rows."""
     alike: dict[str, list[Run]] = defaultdict(list)
     keys = [run.identity(epochs=0) for run in runs]
