@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from curiobench.analysis.frames import Results, read_results, tell_faults
 from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import Estimate, summarise
-from curiobench.analysis.tables import Column, Table, Value, flat_table, method_tables, run_table
+from curiobench.analysis.summaries import Estimate, Value, summarise
+from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
 from curiobench.files import replace_file
 from curiobench.methods.specs import shown
 from curiobench.workers import cores

@@ -6,17 +6,8 @@ from itertools import groupby
 
 from curiobench.analysis.options import PAPER_STEPS, cautions, millions, spread
 from curiobench.analysis.samples import TaskSamples
-from curiobench.analysis.summaries import Summary
-from curiobench.analysis.tables import (
-    Column,
-    Table,
-    Value,
-    interval_notes,
-    key_of,
-    layer_name,
-    learned_values,
-    name_columns,
-)
+from curiobench.analysis.summaries import Summary, Value, key_of
+from curiobench.analysis.tables import Column, Table, interval_notes, layer_name, name_columns
 
 PAPER_TASK = "stack3"
 PAPER_GOALS = (8, 21, 6)  # Table 1: goals of one, two and three layers
@@ -115,7 +106,7 @@ def _methods_table(task: TaskSamples, number: int, summaries: Sequence[Summary],
     for method in methods:
         name = f"{method} (quoted)" if method in QUOTED else method
         row = {"table": number, "task": task.task, "method": name} | _paper_values(LEARNED[method])
-        rows += [row | learned_values(s) for s in summaries if s.sample.method == method] or [row]
+        rows += [row | s.values for s in summaries if s.sample.method == method] or [row]
     names = name_columns([summary for summary in summaries if summary.sample.method in methods])
     columns = (*names, *_our_columns(task, 1), *_paper_columns(task.task))
     return Table(f"Table {number}, {task.task}: learned goals, {about}", columns, tuple(rows), notes)

@@ -15,8 +15,8 @@ from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, conf
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.analysis.style import count, line_style, seeds_in_words
-from curiobench.analysis.summaries import Estimate
-from curiobench.analysis.tables import Column, Table, Value
+from curiobench.analysis.summaries import Estimate, Value
+from curiobench.analysis.tables import Column, Table
 from curiobench.config import flatten
 from curiobench.run_folder import PACKAGES
 from curiobench.tasks.registration import n_blocks_of

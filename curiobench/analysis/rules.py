@@ -21,10 +21,10 @@ from curiobench.analysis.submission import (
     Submission,
     examine,
     goals_in,
-    kind,
     read_submission,
     reference,
     rule,
+    task_and_robot,
 )
 from curiobench.findings import Finding
 from curiobench.methods.specs import canonical, split
@@ -239,9 +239,9 @@ def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
 @rule("task and robot are the reference's", "warn")
 def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
     """The reference has runs of both."""
-    published = set(map(kind, against.published().configs.values()))
+    published = set(map(task_and_robot, against.published().configs.values()))
     for run, config in runs.configs.items():
-        if kind(config) not in published:
+        if task_and_robot(config) not in published:
             lacking = f"{against.name} has no {config['task']} with {config['robot']}"
             yield f"{lacking}: options are compared with the preset {config['preset']}", run
 

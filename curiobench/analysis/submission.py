@@ -112,7 +112,7 @@ class Reference:
     def unlike(self, config: Mapping[str, Any]) -> dict[str, str]:
         """What differs from the most alike run of the same task and robot, or from the preset, in words by option."""
         published = self.runs.configs.values() if self.runs else ()
-        alike = [other for other in published if kind(other) == kind(config)]
+        alike = [other for other in published if task_and_robot(other) == task_and_robot(config)]
         if not alike and config["preset"] not in PRESETS:
             return {"preset": f"there is no preset {config['preset']!r}, only {', '.join(PRESETS)}"}
         alike = alike or [preset(config["preset"], config["task"]).to_json()]
@@ -124,7 +124,7 @@ def goals_in(rows: pd.DataFrame) -> set[tuple[str, str, int]]:
     return set(rows[["goal", "bits", "layer"]].itertuples(index=False, name=None))
 
 
-def kind(config: Mapping[str, Any]) -> tuple[str, str]:
+def task_and_robot(config: Mapping[str, Any]) -> tuple[str, str]:
     """What runs that are compared have in common."""
     return config["task"], config["robot"]
 

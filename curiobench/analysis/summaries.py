@@ -17,11 +17,11 @@ from curiobench.analysis.statistics import (
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % bootstrap interval over seeds."""
+    """A number with its 95 % bootstrap interval over seeds; its ends are NaN where there is none, as with one seed."""
 
-    value: float  # the estimate
-    low: float = float("nan")  # low end; NaN where there is no interval, as with one seed
-    high: float = float("nan")  # high end
+    value: float
+    low: float = float("nan")
+    high: float = float("nan")
 
     @property
     def has_interval(self) -> bool:
@@ -29,24 +29,16 @@ class Estimate:
         return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
-@dataclass(frozen=True)
+Value = str | int | float | Estimate | None
+
+
+@dataclass(frozen=True, eq=False)
 class Summary:
-    """Estimates of a sample."""
+    """Values of a sample by the columns of tables, which docs/results.md explains."""
 
     task: TaskSamples
     sample: Sample
-    learned: dict[int, Estimate]  # learned goals by layer, 0 for all together, mean over seeds
-    success: Estimate  # success at the end, mean over goals and seeds
-    middle_success: Estimate  # success at the end, interquartile mean of all goals of all seeds
-    area: Estimate  # success over training, mean over goals, epochs and seeds: the normalised area under the curve
-    better: Estimate | None
-    """Probability that a run has more success at the end than one of the baseline; None without two seeds of both."""
-    better_area: Estimate | None  # the same of success over training
-
-    @property
-    def compared(self) -> list[Estimate]:
-        """The comparisons with the baseline that there are."""
-        return [estimate for estimate in (self.better, self.better_area) if estimate is not None]
+    values: dict[str, Value]
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
@@ -54,7 +46,8 @@ def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summa
 
     All others are compared with the baseline, a method, of the same variant or without any.
     """
-    return [_summary(task, sample, _baseline(task, sample, baseline)) for task in tasks for sample in task.samples]
+    pairs = [(task, sample) for task in tasks for sample in task.samples]
+    return [Summary(task, sample, _values(task, sample, _baseline(task, sample, baseline))) for task, sample in pairs]
 
 
 def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None:
@@ -63,28 +56,36 @@ def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None
     if sample.method == baseline or (sample.variant not in found and len(found) != 1):
         return None
     other = found.get(sample.variant) or next(iter(found.values()))
-    return other if _lengths(other) == _lengths(sample) else None
+    ours, theirs = (set(s.runs[["epoch", "steps", "updates"]].itertuples(index=False)) for s in (sample, other))
+    return other if ours == theirs else None
 
 
-def _lengths(sample: Sample) -> set[tuple[int, int, int]]:
-    return set(sample.runs[["epoch", "steps", "updates"]].itertuples(index=False, name=None))
-
-
-def _summary(task: TaskSamples, sample: Sample, baseline: Sample | None) -> Summary:
-    success = _final(sample)
+def _values(task: TaskSamples, sample: Sample, baseline: Sample | None) -> dict[str, Value]:
+    runs, success, reached = sample.runs, _final(sample), sample.reached
     means = np.column_stack([sample.last_learned, success, sample.area])
     *learned, of_success, of_area = map(Estimate, means.mean(axis=0), *curve_interval(means))
     middle = stratified_bootstrap(sample.goal_success[:, None, :], interquartile_mean)
-    return Summary(
-        task=task,
-        sample=sample,
-        learned=dict(zip(task.sizes, learned, strict=True)),
-        success=of_success,
-        middle_success=Estimate(float(interquartile_mean(sample.goal_success)), *middle),
-        area=of_area,
-        better=None if baseline is None else _improvement(success, _final(baseline)),
-        better_area=None if baseline is None else _improvement(sample.area, baseline.area),
-    )
+    some = "" if len(reached) in (0, len(runs)) else f" ({len(reached)} of {len(runs)} seeds)"
+    return {
+        "method": sample.method,
+        "variant": sample.variant,
+        "seeds": sample.n_seeds,
+        **{key_of("learned", layer): value for layer, value in zip(task.sizes, learned, strict=True)},
+        "middle_success": Estimate(float(interquartile_mean(sample.goal_success)), *middle),
+        "success": of_success,
+        "area": of_area,
+        "epochs_to_good": f"{reached.mean():.1f}{some}" if len(reached) else None,
+        "better": None if baseline is None else _improvement(success, _final(baseline)),
+        "better_area": None if baseline is None else _improvement(sample.area, baseline.area),
+        "hours": float(runs["hours"].mean()),
+        "memory": float(runs["peak_memory_mb"].max()),
+        "machine": "; ".join(sorted(set(runs["machine"]) - {""})) or None,
+    }
+
+
+def key_of(name: str, layer: int) -> str:
+    """Name of a column of numbers of a layer; 0 is all layers together."""
+    return f"{name}_{layer}" if layer else name
 
 
 def _final(sample: Sample) -> np.ndarray:

@@ -10,9 +10,7 @@ from curiobench.analysis.frames import Results
 from curiobench.analysis.options import cautions, hour_digits
 from curiobench.analysis.samples import GOOD_SUCCESS
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.summaries import Estimate, Summary
-
-Value = str | int | float | Estimate | None
+from curiobench.analysis.summaries import Estimate, Summary, Value, key_of
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
 RARE = 100  # a chance of one in so many, or less, is not worth a note
@@ -75,10 +73,10 @@ def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
         Column("area", "success over training", contest=True),
         Column("epochs_to_good", f"epochs to {GOOD_SUCCESS}"),
     ]
-    if any(summary.better is not None for summary in summaries):
+    if any(summary.values["better"] is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    names, rows = name_columns(summaries), tuple(_row(summary) for summary in summaries)
+    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
     hours = Column("hours", "hours a run", hour_digits(min(row["hours"] for row in rows)))
     cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
     brackets = interval_notes(summaries)
@@ -96,12 +94,13 @@ def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
     """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
     others = [summary for summary in summaries if summary.sample.method != baseline]
     notes = []
-    missing = [summary.sample.method for summary in others if summary.better is None]
+    missing = [summary.sample.method for summary in others if summary.values["better"] is None]
     if missing and len(summaries) > 1:
         which = "" if len(missing) == len(others) else f"{', '.join(dict.fromkeys(missing))} "
         notes.append(f"{which}not compared: that takes two seeds each, and runs of {baseline} of the same length")
     of_baseline = [summary.sample.n_seeds for summary in summaries if summary.sample.method == baseline]
-    sizes = [summary.sample.n_seeds for summary in others if any(p.value in (0, 1) for p in summary.compared)]
+    compared = [(s.sample.n_seeds, s.values[key]) for s in others for key in ("better", "better_area")]
+    sizes = [size for size, estimate in compared if estimate is not None and estimate.value in (0, 1)]
     if sizes and of_baseline:
         chance = math.comb(min(sizes) + min(of_baseline), min(sizes)) // 2
         if chance < RARE:
@@ -116,37 +115,10 @@ def layer_name(layer: int) -> str:
     return "1 layer" if layer == 1 else f"{layer} layers"
 
 
-def key_of(name: str, layer: int) -> str:
-    """Name of a column of numbers of a layer; 0 is all layers together."""
-    return f"{name}_{layer}" if layer else name
-
-
 def name_columns(summaries: Sequence[Summary]) -> list[Column]:
     """The first columns of a table of methods."""
     variant = [Column("variant", "options")] if any(summary.sample.variant for summary in summaries) else []
     return [Column("method", "method"), *variant, Column("seeds", "seeds", 0)]
-
-
-def learned_values(summary: Summary) -> dict[str, Value]:
-    """What every table of methods has: learned goals, and of whom."""
-    sample, learned = summary.sample, {key_of("learned", layer): value for layer, value in summary.learned.items()}
-    return {"method": sample.method, "variant": sample.variant, "seeds": sample.n_seeds, **learned}
-
-
-def _row(summary: Summary) -> dict[str, Value]:
-    runs, reached = summary.sample.runs, summary.sample.reached
-    some = "" if len(reached) in (0, len(runs)) else f" ({len(reached)} of {len(runs)} seeds)"
-    return learned_values(summary) | {
-        "middle_success": summary.middle_success,
-        "success": summary.success,
-        "area": summary.area,
-        "epochs_to_good": f"{reached.mean():.1f}{some}" if len(reached) else None,
-        "better": summary.better,
-        "better_area": summary.better_area,
-        "hours": float(runs["hours"].mean()),
-        "memory": float(runs["peak_memory_mb"].max()),
-        "machine": "; ".join(sorted(set(runs["machine"]) - {""})) or None,
-    }
 
 
 def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
@@ -164,7 +136,8 @@ def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
         goals = {key_of("goals", layer): number for layer, number in summary.task.sizes.items()}
         flat = {"task": summary.task.task, "epochs": " ".join(map(str, epochs)), "seeds_good": len(reached)}
         flat |= {"epochs_to_good": float(reached.mean()) if len(reached) else None}
-        rows.append(_row(summary) | goals | flat | {"baseline": None if summary.better is None else baseline})
+        flat |= {"baseline": None if summary.values["better"] is None else baseline}
+        rows.append(summary.values | goals | flat)
     return Table("", tuple(Column(key, key) for key in keys), tuple(rows))
 
 

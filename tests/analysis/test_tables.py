@@ -62,19 +62,20 @@ def rows_of(text):
 def test_known_answers(results):
     sac, mihm = summaries(results)
     assert (sac.sample.method, list(sac.sample.runs["seed"]), sac.task.sizes) == ("sac", [0, 1, 2], {0: 4, 1: 2, 2: 2})
-    assert {layer: value.value for layer, value in sac.learned.items()} == {0: 1, 1: 1, 2: 0}
-    assert [mihm.learned[layer].value for layer in (0, 1, 2)] == pytest.approx([11 / 3, 2, 5 / 3])
-    assert (mihm.learned[1].low, mihm.learned[1].high) == (2, 2)
-    assert (mihm.learned[0].low, mihm.learned[0].high) == (3, 4)
-    assert (sac.success.value, mihm.success.value) == pytest.approx((0.25, 2.9 / 3))
+    one, all_ = sac.values, mihm.values
+    keys = ("learned", "learned_1", "learned_2")
+    assert [one[key].value for key in keys] == [1, 1, 0]
+    assert [all_[key].value for key in keys] == pytest.approx([11 / 3, 2, 5 / 3])
+    assert (all_["learned_1"].low, all_["learned_1"].high) == (2, 2)
+    assert (all_["learned"].low, all_["learned"].high) == (3, 4)
+    assert (one["success"].value, all_["success"].value) == pytest.approx((0.25, 2.9 / 3))
     # of twelve scores the middle six: of sac's nine zeros and three ones all are zero
-    assert (sac.middle_success.value, mihm.middle_success.value) == (0, 1)
+    assert (one["middle_success"].value, all_["middle_success"].value) == (0, 1)
     # 0 until epoch 1, linear to epoch 2, then constant: 2.5 of 4 epochs
-    assert (sac.area.value, mihm.area.value) == pytest.approx((0.25 * 0.625, 2.9 / 3 * 0.625))
+    assert (one["area"].value, all_["area"].value) == pytest.approx((0.25 * 0.625, 2.9 / 3 * 0.625))
     assert (sac.sample.reached.tolist(), mihm.sample.reached.tolist()) == ([], [2, 2, 2])
-    assert (sac.better, mihm.better, mihm.better_area) == (None, Estimate(1), Estimate(1))
-    cost = method_tables([sac, mihm])[2].rows[1]
-    assert (cost["hours"], cost["memory"], cost["machine"]) == (0.04, 800, "Test CPU, 2 cores")
+    assert (one["better"], all_["better"], all_["better_area"]) == (None, Estimate(1), Estimate(1))
+    assert (all_["hours"], all_["memory"], all_["machine"]) == (0.04, 800, "Test CPU, 2 cores")
 
 
 def test_hours_of_short_runs_are_told_to_their_seconds(results):
@@ -92,19 +93,24 @@ def test_some_seeds_reach_it_and_ties_count_half(make_runs):
     paths = make_runs(methods=("sac", "icm"), seeds=2, success=success)
     _, icm = summaries(read_results(paths))
     assert icm.sample.reached.tolist() == [3]
-    assert icm.better.value == 0.5
+    assert icm.values["better"].value == 0.5
     assert "3.0 (1 of 2 seeds)" in terminal(method_tables([icm]))
 
 
 def test_the_baseline_is_of_the_same_variant_or_the_only_one(make_runs, tmp_path):
     make_runs(methods=("sac", "mihm"), success=known)
     make_runs(methods=("mihm",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.better is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, False, False]
+    assert [s.values["better"] is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, False, False]
     make_runs(methods=("sac",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.better is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, True, False, False]
+    assert [s.values["better"] is None for s in summaries(read_results([tmp_path / "runs"]))] == [
+        True,
+        True,
+        False,
+        False,
+    ]
     make_runs(methods=("icm",), success=known, options={"sac.tau": 0.3})
     unlike = [s for s in summaries(read_results([tmp_path / "runs"])) if s.sample.method == "icm"]
-    assert [s.better for s in unlike] == [None]
+    assert [s.values["better"] for s in unlike] == [None]
 
 
 def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
@@ -219,7 +225,11 @@ def test_runs_of_another_length_are_not_compared(make_runs, tmp_path):
     make_runs(methods=("mihm",), epochs=8, success=known)
     results = read_results([tmp_path / "runs"])
     found = summaries(results)
-    assert [(s.sample.method, s.better is None) for s in found] == [("sac", True), ("icm", False), ("mihm", True)]
+    assert [(s.sample.method, s.values["better"] is None) for s in found] == [
+        ("sac", True),
+        ("icm", False),
+        ("mihm", True),
+    ]
     notes = method_tables(found)[1].notes
     assert "mihm not compared: that takes two seeds each, and runs of sac of the same length" in notes
 
