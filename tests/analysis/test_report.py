@@ -220,11 +220,6 @@ def test_options_that_differ_and_options_that_do_not(make_runs, tmp_path, no_fig
     assert "sac.tau" not in shared
 
 
-def test_the_same_runs_give_the_same_page(make_runs, no_figures):
-    results = read_results(make_runs())
-    assert report.render(results) == report.render(results)
-
-
 def test_several_processes_make_the_same_page(runs, text, tmp_path):
     report.write_report([runs], tmp_path / "page.html", processes=2)
     assert (tmp_path / "page.html").read_text() == text

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from lawful import edit_versions, lengthen
-from synthetic import EPISODES, write_grid
+from synthetic import write_grid
 
 from curiobench.analysis.formats import comma_separated, latex, markdown, terminal
 from curiobench.analysis.frames import read_results
@@ -439,10 +439,3 @@ def test_out_holds_every_format_and_what_it_was_made_from(cli, make_runs, tmp_pa
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     assert cli("table", tmp_path / "runs", "--out", out, *flags.split())[0] == 0
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
-
-
-def test_the_same_numbers_twice(cli, make_runs, tmp_path):
-    make_runs()
-    first = cli("table", tmp_path / "runs", "--format", "csv")
-    assert first == cli("table", tmp_path / "runs", "--format", "csv")
-    assert EPISODES == 25  # the successes of `rising` are shares of it
