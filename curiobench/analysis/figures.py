@@ -104,11 +104,7 @@ _Chosen = tuple[str, Kind, TaskSamples, Samples]
 
 
 def draw_figures(
-    results: Results,
-    out: Path,
-    like: str | None = None,
-    formats: Sequence[str] = ("pdf", "png"),
-    processes: int = 1,
+    results: Results, out: Path, like: str | None = None, formats: Sequence[str] = ("pdf", "png"), processes: int = 1
 ) -> list[Path]:
     """Draw the figures of each task; files of the same names are replaced.
 

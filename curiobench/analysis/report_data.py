@@ -29,7 +29,7 @@ BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 ENVIRONMENT = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
 """Columns of runs that are no options, but may decide numbers or costs."""
 
-Names = tuple[tuple[str, tuple[str, ...]], ...]  # samples by name: tasks, and the methods and variants of each
+Names = list[tuple[str, list[str]]]  # samples by name: tasks, and the methods and variants of each
 
 
 def listed(words: Iterable[object]) -> str:

@@ -18,14 +18,7 @@ if TYPE_CHECKING:
 
     from curiobench.analysis.samples import Sample
 
-COLOURS = {
-    "sac": "#000000",
-    "icm": "#E69F00",
-    "rnd": "#56B4E9",
-    "dac": "#CC79A7",
-    "re3": "#009E73",
-    "mi": "#D55E00",
-}
+COLOURS = {"sac": "#000000", "icm": "#E69F00", "rnd": "#56B4E9", "dac": "#CC79A7", "re3": "#009E73", "mi": "#D55E00"}
 """Colours of the built-in methods by spec, without `+hm`."""
 OUTSIDE = ("#0072B2", "#7F7F7F")
 """Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""
