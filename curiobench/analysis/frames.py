@@ -206,7 +206,7 @@ def _left_out(error: Exception) -> str:
 
 def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
     texts = variants([run.decisive() for run in runs])
-    order = sorted(zip(texts, runs, strict=True), key=lambda pair: _key(*pair))
+    order = sorted(zip(texts, runs, strict=True), key=_key)
     runs = [run for _, run in order]
     names = _names([Path(os.path.abspath(run.path)) for run in runs])
     rows = [run.values | {"run": name, "variant": text} for name, (text, run) in zip(names, order, strict=True)]
@@ -222,7 +222,9 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
     )
 
 
-def _key(variant: str, run: Run) -> tuple[Any, ...]:
+def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
+    """What runs, after their variants, are sorted by."""
+    variant, run = named
     return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
 
 

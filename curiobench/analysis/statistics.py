@@ -115,21 +115,8 @@ def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
     return np.trapezoid(success, epochs, axis=-1) / (epochs[-1] - epochs[0])
 
 
-def conclusive(n_seeds: int, whose: str = "") -> str | None:
-    """A line that says that there are too few seeds to conclude from; None where there are enough.
-
-    `whose` names the methods, if it is not clear which are meant.
-    """
-    of = f" of {whose}" if whose else ""
-    if n_seeds < 2:
-        return f"1 seed{of}: no interval, and nothing to conclude about the method"
-    if n_seeds >= ENOUGH_SEEDS:
-        return None
-    return f"{n_seeds} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
-
-
 def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
-    """`conclusive` of methods that are compared, from their names and numbers of seeds.
+    """Lines that say that there are too few seeds to conclude from, by names and numbers of seeds of methods.
 
     One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
     """
@@ -138,9 +125,11 @@ def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
         by_size.setdefault(size, []).append(name)
     lines = []
     for size, names in sorted(by_size.items()):
-        whose = "" if len(by_size) == 1 else ", ".join(names) if len(names) <= 3 else f"{len(names)} methods"
-        lines.append(conclusive(size, whose))
-    return [line for line in lines if line]
+        whose = ", ".join(names) if len(names) <= 3 else f"{len(names)} methods"
+        of = f" of {whose}" if len(by_size) > 1 else ""
+        few = f"{size} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
+        lines.append(few if size > 1 else f"1 seed{of}: no interval, and nothing to conclude about the method")
+    return lines[: sum(size < ENOUGH_SEEDS for size in by_size)]  # sizes rise
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:

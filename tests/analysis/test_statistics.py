@@ -12,12 +12,12 @@ from scipy.stats import mannwhitneyu
 
 from curiobench.analysis.statistics import (
     ENOUGH_SEEDS,
-    conclusive,
     curve_interval,
     improvement_interval,
     interquartile_mean,
     performance_profile,
     probability_of_improvement,
+    seed_warnings,
     stratified_bootstrap,
 )
 
@@ -121,9 +121,14 @@ def test_one_seed_has_no_interval():
     assert np.isnan(stratified_bootstrap(X[:1], np.mean)).all()
     assert np.isnan(curve_interval(X[:1])).all()
     assert np.isnan(improvement_interval(X, Y[:1])).all()
-    assert conclusive(1).startswith("1 seed:")
-    assert conclusive(3).startswith("3 seeds are too few")
-    assert conclusive(ENOUGH_SEEDS) is None
+
+
+def test_too_few_seeds_are_named():
+    assert seed_warnings([("sac", 1)]) == ["1 seed: no interval, and nothing to conclude about the method"]
+    assert seed_warnings([("sac", 3), ("icm", 3)])[0].startswith("3 seeds are too few")
+    assert seed_warnings([("sac", ENOUGH_SEEDS)]) == []
+    few, fewer = seed_warnings([("sac", ENOUGH_SEEDS), ("icm", 3), *((f"m{i}", 2) for i in range(4))])[::-1]
+    assert (few[:14], fewer[:20]) == ("3 seeds of icm", "2 seeds of 4 methods")
 
 
 def test_few_seeds_cover_less_than_they_claim():
