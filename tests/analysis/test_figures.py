@@ -1,7 +1,7 @@
 """What is in the figures, seen in their Axes, and what `curiobench figure` writes."""
 
-import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,6 @@ from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
 from curiobench.analysis.style import theme
-from curiobench.cli import main
 
 LONG = "my_lab.curiosity:SomethingLong+hm"
 NINE = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
@@ -352,20 +351,14 @@ def test_caption_tells_seeds_partial_runs_and_whole_specs(make_runs, tmp_path, m
 
 
 @pytest.fixture
-def cli(monkeypatch, capsys):
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["curiobench", "figure", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    return call
+def command(cli):
+    return partial(cli, "figure")
 
 
-def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
+def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, command):
     make_runs(methods=("sac",), seeds=1)
     make_runs(methods=("icm",), seeds=1, complete=False)
-    code, out, err = cli(tmp_path / "runs", "--out", tmp_path / "drawn", "--format", "png")
+    code, out, err = command(tmp_path / "runs", "--out", tmp_path / "drawn", "--format", "png")
     assert code == 0
     assert all(Path(line).is_file() for line in out.splitlines())
     assert len(out.splitlines()) == 5
@@ -381,8 +374,8 @@ def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
         (("--partial", "--out", "/dev/null/x"), "cannot write to /dev/null/x"),
     ],
 )
-def test_bad_input_takes_one_line_and_code_2(make_runs, cli, options, message):
-    code, out, err = cli(*make_runs(methods=("sac",), seeds=1, complete=False), *options)
+def test_bad_input_takes_one_line_and_code_2(make_runs, command, options, message):
+    code, out, err = command(*make_runs(methods=("sac",), seeds=1, complete=False), *options)
     assert (code, out) == (2, "")
     assert message in err
     assert err.count("\n") == 1
@@ -394,9 +387,9 @@ def test_like_paper_without_its_methods_is_an_error(make_runs, tmp_path):
         draw_figures(results, tmp_path, like="paper")
 
 
-def test_missing_path_is_named_after_the_figures(make_runs, tmp_path, cli):
+def test_missing_path_is_named_after_the_figures(make_runs, tmp_path, command):
     paths = make_runs(methods=("sac",), seeds=1)
-    code, out, err = cli(
+    code, out, err = command(
         *paths, tmp_path / "nowhere", "--out", tmp_path / "drawn", "--format", "png", "--like", "paper"
     )
     assert code == 2

@@ -18,7 +18,6 @@ from curiobench.analysis import publish as module
 from curiobench.analysis.folders import CONFIGS, SUMS, available, check_sums, read_sums
 from curiobench.analysis.frames import load, read_results
 from curiobench.analysis.publish import publish
-from curiobench.cli import main
 
 ROOT = Path(__file__).parents[2]
 SETS = sorted(path for path in (ROOT / "results").glob("v*") if path.is_dir())
@@ -101,13 +100,11 @@ def test_a_longer_run_of_other_numbers_takes_no_place(make_runs, tmp_path, out, 
         publish([out, *other], out)
 
 
-def test_what_is_derived_is_there(make_runs, out, monkeypatch, capsys):
+def test_what_is_derived_is_there(make_runs, out, cli):
     make_runs()
-    monkeypatch.setattr(sys, "argv", ["curiobench", "publish", str(out.parents[1] / "runs"), "--out", str(out)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    first, *_, last = capsys.readouterr().out.splitlines()
+    code, printed, _ = cli("publish", out.parents[1] / "runs", "--out", out)
+    assert code == 0
+    first, *_, last = printed.splitlines()
     assert (first, last) == (f"{out / 'runs.csv'}: 6 rows", str(out / "report.html"))
     suffixes = {path.suffix for path in (out / "tables").iterdir()}
     assert suffixes == {".txt", ".md", ".tex", ".csv"}

@@ -20,7 +20,6 @@ from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.summaries import summarise
 from curiobench.analysis.tables import method_tables
-from curiobench.cli import main
 from curiobench.tasks.goals import goal_space
 
 METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
@@ -258,24 +257,16 @@ def test_it_needs_neither_torch_nor_mujoco(make_runs, tmp_path):
     assert "no.such:Module" in (tmp_path / "r.html").read_text()
 
 
-def command(monkeypatch, capsys, *arguments):
-    """Exit code, stdout and stderr of `curiobench report`."""
-    monkeypatch.setattr(sys, "argv", ["curiobench", "report", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return ended.value.code, *capsys.readouterr()
-
-
-def test_a_path_that_is_no_run_is_said_after_the_page_is_written(make_runs, tmp_path, no_figures, monkeypatch, capsys):
+def test_a_path_that_is_no_run_is_said_after_the_page_is_written(make_runs, tmp_path, no_figures, cli):
     (run,) = make_runs(methods=("sac",), seeds=1)
     out = tmp_path / "new" / "page.html"
-    code, stdout, stderr = command(monkeypatch, capsys, run, tmp_path / "none", "--out", out)
+    code, stdout, stderr = cli("report", run, tmp_path / "none", "--out", out)
     assert (code, stdout) == (2, f"{out}\n")
     assert re.fullmatch(r"curiobench: not in the report: [^\n]*none[^\n]*\n", stderr)
     assert out.exists()
 
 
-def test_bad_input_takes_one_line(make_runs, tmp_path, monkeypatch, capsys):
+def test_bad_input_takes_one_line(make_runs, tmp_path, cli):
     (run,) = make_runs(methods=("sac",), seeds=1)
     for arguments, message in (
         ((), "name at least one run folder"),
@@ -283,7 +274,7 @@ def test_bad_input_takes_one_line(make_runs, tmp_path, monkeypatch, capsys):
         ((run, "--out", tmp_path), "it is a folder"),
         ((run, "--baseline", "rnd"), "rnd"),
     ):
-        code, stdout, stderr = command(monkeypatch, capsys, *arguments)
+        code, stdout, stderr = cli("report", *arguments)
         assert (code, stdout) == (2, ""), arguments
         assert re.fullmatch(r"curiobench: [^\n]+\n", stderr)
         assert message in stderr

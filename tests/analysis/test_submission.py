@@ -2,7 +2,7 @@
 
 import json
 import shutil
-import sys
+from functools import partial
 
 import pytest
 from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
@@ -13,7 +13,6 @@ from curiobench.analysis.frames import load
 from curiobench.analysis.publish import publish
 from curiobench.analysis.rules import submit_check
 from curiobench.analysis.submission import PRESETS_ONLY, read_submission
-from curiobench.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -263,40 +262,38 @@ def test_many_faults_are_counted(runs):
     assert verdicts(runs)["options, apart from the method's own"][1].endswith("; and 22 more")
 
 
-def run(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr(sys, "argv", ["curiobench", "submit-check", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return ended.value.code, *capsys.readouterr()
+@pytest.fixture
+def check(cli):
+    return partial(cli, "submit-check")
 
 
-def test_command(runs, published, monkeypatch, capsys):
-    code, out, err = run(monkeypatch, capsys, runs, "--against", published)
+def test_command(runs, published, check):
+    code, out, err = check(runs, "--against", published)
     assert (code, err) == (0, "")
     title, *lines = out.splitlines()
     assert title == f"8 runs of sac, {OUTSIDE}, compared with {published}"
     assert len(lines) == 18
     assert {line.split()[0] for line in lines} == {"pass"}
     edit_versions(first(runs), task_version=2)
-    code, out, err = run(monkeypatch, capsys, runs, "--against", published)
+    code, out, err = check(runs, "--against", published)
     assert (code, err) == (1, "curiobench: the submission fails 1 of 18 properties\n")
     assert "FAIL  version of the tasks: version 2, not 1 (stack2-sac-0)" in out.splitlines()
 
 
 @pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v1", "v2"], "v2")])
-def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, capsys, sets, against):
+def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, check, sets, against):
     monkeypatch.setattr(submission, "available", lambda: sets)
     monkeypatch.setattr(submission, "load", lambda name: load(published))
-    assert run(monkeypatch, capsys, runs)[1].splitlines()[0].endswith(f"compared with {against}")
+    assert check(runs)[1].splitlines()[0].endswith(f"compared with {against}")
 
 
-def test_command_without_a_run(tmp_path, monkeypatch, capsys):
-    code, out, _ = run(monkeypatch, capsys, tmp_path / "none", "--against", "presets")
+def test_command_without_a_run(tmp_path, check):
+    code, out, _ = check(tmp_path / "none", "--against", "presets")
     title, first_line, *others = out.splitlines()
     assert (code, title) == (1, "0 runs of no method, compared with the presets")
     assert first_line.startswith(f"FAIL  every folder holds one whole run: {tmp_path / 'none'}")
     assert {line.split()[0] for line in others} == {"skip"}
-    code, out, err = run(monkeypatch, capsys, tmp_path, "--against", "v99")
+    code, out, err = check(tmp_path, "--against", "v99")
     assert (code, out) == (2, "")
     assert "'v99'" in err
-    assert run(monkeypatch, capsys)[0] == 2
+    assert check()[0] == 2

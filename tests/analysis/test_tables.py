@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import re
-import sys
 
 import pytest
 from lawful import edit_versions, lengthen
@@ -17,7 +16,6 @@ from curiobench.analysis.paper import LEARNED, PAPER_GOALS, flat_paper_table, pa
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.summaries import Estimate, summarise
 from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
-from curiobench.cli import main
 
 
 def known(task, method, seed, epoch, goal):
@@ -32,19 +30,6 @@ def known(task, method, seed, epoch, goal):
 @pytest.fixture
 def results(make_runs):
     return read_results(make_runs(success=known), every_goal=False, progress=False)
-
-
-@pytest.fixture
-def cli(monkeypatch, capsys):
-    """Runs a command in this process; gives exit code, stdout and stderr."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["curiobench", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    return call
 
 
 def summaries(results):
