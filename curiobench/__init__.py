@@ -7,10 +7,17 @@ __version__ = "0.1.0"
 register()  # gymnasium.make("curiobench/SemanticStack3-v0") works once curiobench is imported
 
 
+_API = ("Agent", "Run", "load_agent", "load_run", "train")
+
+
 def __getattr__(name: str):
     # imported on first use, so that `import curiobench` stays quick
-    if name == "results":
-        import curiobench.results
+    if name in _API:
+        from curiobench import api
 
-        return curiobench.results
+        return getattr(api, name)
+    if name == "analysis":
+        import curiobench.analysis
+
+        return curiobench.analysis
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,7 +1,6 @@
 """What a run shows: lines on the terminal, TensorBoard logs and the learning curve. None of it changes the run."""
 
 import sys
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
-
-from curiobench.canvas import new_figure, save
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -114,20 +111,3 @@ def _tensorboard(folder: Path, first_epoch: int) -> "SummaryWriter":
     from torch.utils.tensorboard import SummaryWriter  # seconds to import
 
     return SummaryWriter(str(folder), purge_step=first_epoch)
-
-
-def draw_learning_curve(rows: Sequence[dict[str, str]], path: Path) -> Path:
-    """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
-    curves: dict[int, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        curves[int(row["layer"])][int(row["steps"])].append(float(row["success"]))
-    figure = new_figure(6, 3.5, dpi=150)
-    axes = figure.subplots()
-    for layer, by_step in sorted(curves.items()):
-        n_goals = len(next(iter(by_step.values())))
-        label = f"layer {layer} ({n_goals} goal{'s' if n_goals > 1 else ''})"
-        axes.plot(list(by_step), [sum(s) / len(s) for s in by_step.values()], label=label, marker=".")
-    axes.set(xlabel="steps", ylabel="success from plain starts", ylim=(-0.02, 1.02))
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    return save(figure, path.with_suffix(""), ["png"])[0]

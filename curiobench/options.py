@@ -9,13 +9,11 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from curiobench.methods.specs import canonical, split
 
-ADDED_LATER = frozenset(
-    (
-        "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
-        "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
-        "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
-        "schedule_epochs", "hybrid.adaptive_tau", "hybrid.spread_ratio", "hybrid.tau_rate",
-    )
+ADDED_LATER = (
+    "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
+    "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
+    "sac.decay_updates", "replay.pursued_share", "sac.reward_window", "sac.entropy_in_targets",
+    "schedule_epochs", "hybrid.adaptive_tau", "hybrid.spread_ratio", "hybrid.tau_rate",
 )  # fmt: skip
 """Fields that configs of older runs lack, by dotted name."""
 

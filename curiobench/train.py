@@ -7,8 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from curiobench import checkpoint
+from curiobench.analysis.canvas import draw_learning_curve
 from curiobench.config import RunConfig
-from curiobench.display import Display, check_tensorboard, draw_learning_curve
+from curiobench.display import Display, check_tensorboard
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.process import tune_process

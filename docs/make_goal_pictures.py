@@ -18,7 +18,7 @@ from curiobench.tasks.scene import BLOCK_REST_HEIGHT, TABLE_CENTRE
 
 import mujoco  # isort: skip - after curiobench.tasks, which lets it draw without a screen
 
-OUT = Path(__file__).parents[1] / "curiobench" / "results" / "goal_pictures"
+OUT = Path(__file__).parents[1] / "curiobench" / "analysis" / "goal_pictures"
 TASKS = ("stack2", "stack3")
 WIDTH, HEIGHT, QUALITY = 240, 180, 60
 """Pixels of a picture, twice what a report shows, and WebP's quality: some 1 kB each."""

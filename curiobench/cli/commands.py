@@ -72,23 +72,23 @@ def video(arguments: VideoArguments) -> None:
 
 def table(arguments: TableArguments) -> None:
     """Print tables of runs; raises ValueError, after them, that names the folders that are not in them."""
-    from curiobench.results.faults import check_named
+    from curiobench.analysis.frames import check_named
 
     check_named(arguments.runs)
-    from curiobench.results.table_command import show_tables
+    from curiobench.analysis.formats import show_tables
 
     show_tables(arguments)
 
 
 def figure(arguments: FigureArguments) -> None:
     """Draw the figures of runs; raises ValueError, after them, that names the paths that gave no run."""
-    from curiobench.results.faults import check_named, tell_faults
+    from curiobench.analysis.frames import check_named, tell_faults
 
     check_named(arguments.runs)
-    from curiobench.results.figures import draw_figures
-    from curiobench.results.frames import read_results
-    from curiobench.results.samples import LOGGED
-    from curiobench.results.style import preload
+    from curiobench.analysis.figures import draw_figures
+    from curiobench.analysis.frames import read_results
+    from curiobench.analysis.samples import LOGGED
+    from curiobench.analysis.style import preload
     from curiobench.workers import cores
 
     results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores(), preload)
@@ -99,10 +99,10 @@ def figure(arguments: FigureArguments) -> None:
 
 def report(arguments: ReportArguments) -> None:
     """Write a report on runs; raises ValueError, after it, that names the paths that gave no run."""
-    from curiobench.results.faults import check_named, tell_faults
+    from curiobench.analysis.frames import check_named, tell_faults
 
     check_named(arguments.runs)
-    from curiobench.results.report import write_report
+    from curiobench.analysis.report import write_report
     from curiobench.workers import cores
 
     options = arguments.title, arguments.partial, arguments.baseline
@@ -148,15 +148,15 @@ def check(arguments: CheckArguments) -> None:
 
 def publish(arguments: PublishArguments) -> None:
     """Write a published set."""
-    from curiobench.results.publish import publish
+    from curiobench.analysis.publish import publish
 
     print("\n".join(publish(arguments.runs, arguments.out, arguments.allow_dirty, arguments.replace)))
 
 
 def submit_check(arguments: SubmitCheckArguments) -> None:
     """Print what is found in a submission; raises CheckFailed, after it, where a property fails."""
-    from curiobench.results.faults import check_named
-    from curiobench.results.submit_check import submit_check
+    from curiobench.analysis.frames import check_named
+    from curiobench.analysis.rules import submit_check
 
     check_named(arguments.runs)
     title, findings = submit_check(arguments.runs, arguments.against)

@@ -58,6 +58,15 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     return replace(parsed, config=replace(parsed.config, method_config=parsed.settings))
 
 
+def flags_of(name: str, value: str | int | float | bool | None) -> list[str]:
+    """An option as the command line has it; a flag that is false has `no-` before its last part."""
+    if isinstance(value, bool):
+        path, dot, last = name.rpartition(".")
+        return [f"--{path}{dot}{'' if value else 'no-'}{last}"]
+    text = str(value)
+    return [f"--{name}={text}"] if text.startswith("-") else [f"--{name}", text]
+
+
 def _with_settings(settings: type) -> type[TrainArguments]:
     """`TrainArguments` with the fields of a curiosity method's `Config` as flags, `--method.k` for its field `k`."""
     flags = Annotated[settings, tyro.conf.arg(name="method", help="The curiosity method.")]

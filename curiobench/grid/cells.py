@@ -9,14 +9,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from curiobench.cli.train_arguments import parse_train
+from curiobench.analysis.folders import GRID_FORMAT
+from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
 from curiobench.files import read_json, write_json, writing_to
 from curiobench.grid.definition import Grid, Options, Scalar
 from curiobench.methods.specs import shown
 from curiobench.options import flatten
 from curiobench.presets import PRESETS
-from curiobench.results.folders import GRID_FORMAT
 from curiobench.tasks.registration import check_name
 
 _OWN = ("task", "method", "seed")
@@ -84,7 +84,7 @@ def _axes(grid: Grid) -> Iterator[tuple[str, str, str]]:
 def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -> list[Cell]:
     """The cells that differ in their seed alone, whose options are read once."""
     options = {"preset": grid.preset, "robot": grid.robot, **grid.options, **grid.variants[variant]}
-    flags = [flag for name, value in options.items() for flag in _flags(name, value)]
+    flags = [flag for name, value in options.items() for flag in flags_of(name, value)]
     try:
         config = parse_train(["--task", task, "--method", method, *flags, "--out", str(out)]).config
     except ValueError as error:
@@ -114,15 +114,6 @@ def _check_names(options: Options) -> None:
             raise ValueError(f"options: {name} is an axis of the grid; use {name}s")
         if not _METHOD_OPTION.fullmatch(name):
             check_name("option", name, legal)
-
-
-def _flags(name: str, value: Scalar) -> list[str]:
-    """An option as the command line has it; a flag that is false has `no-` before its last part."""
-    if isinstance(value, bool):
-        path, dot, last = name.rpartition(".")
-        return [f"--{path}{dot}{'' if value else 'no-'}{last}"]
-    text = str(value)
-    return [f"--{name}={text}"] if text.startswith("-") else [f"--{name}", text]
 
 
 def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> None:

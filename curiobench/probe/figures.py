@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curiobench.canvas import new_figure, save
-from curiobench.palette import line_style
+from curiobench.analysis.canvas import new_figure, save
+from curiobench.analysis.style import line_style
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played
 from curiobench.probe.scores import ProbedRun, Reading, others

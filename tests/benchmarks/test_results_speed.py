@@ -14,8 +14,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "results"))  # whose generator of run folders this needs
 from synthetic import write_run
 
 METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi", "dac+hm")

@@ -12,7 +12,7 @@ import pytest
 import torch
 from tiny_runs import TINY, same_state
 
-from curiobench import palette
+from curiobench.analysis import style
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
 from curiobench.methods.registry import available_specs
@@ -246,8 +246,8 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
         if file.suffix != ".csv":
             assert file.stat().st_size > 10_000, file
         if file.suffix == ".png":
-            assert shows(file, palette.COLOURS["mi"]), file
-            assert shows(file, palette.COLOURS["rnd"]) == file.name.startswith("rewards"), file
+            assert shows(file, style.COLOURS["mi"]), file
+            assert shows(file, style.COLOURS["rnd"]) == file.name.startswith("rewards"), file
     with open(tmp_path / "one" / "numbers.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * len(KINDS) * STARTS * 50
@@ -298,7 +298,7 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
 
 
 def test_every_method_has_a_look_of_its_own_that_stays():
-    looks = {spec: palette.line_style(spec) for spec in available_specs() if spec != "mihm"}
+    looks = {spec: style.line_style(spec) for spec in available_specs() if spec != "mihm"}
     assert len({(look["color"], look["linestyle"]) for look in looks.values()}) == len(looks)
-    assert looks["mi+hm"] == palette.line_style("mihm")
+    assert looks["mi+hm"] == style.line_style("mihm")
     assert looks["mi"]["color"] == looks["mi+hm"]["color"]

@@ -1,0 +1,68 @@
+"""Figures as files: they need no screen, and the same data gives the same bytes. Training draws its picture by it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("pdf", "png", "svg")  # formats that a figure can be saved in
+
+
+def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
+    """An empty figure of a size in inches that lays itself out and needs no screen; `dpi` dots an inch as a PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # a second to import
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)  # which measures text at once; the default canvas makes a new one each time
+    return figure
+
+
+def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
+    """Save a figure as `path` with the suffix of each format; returns the files. It is not to be used afterwards.
+
+    It is laid out and drawn once for each format, which `Figure.savefig` does more often.
+    """
+    dpi = figure.dpi
+    paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+    for file, suffix in zip(paths, formats, strict=True):
+        figure.dpi = dpi  # a vector format leaves its own
+        _print(figure, file, suffix)
+        figure.set_layout_engine("none")  # the layout of the first format serves all
+    return paths
+
+
+def _print(figure: "Figure", file: Path, suffix: str) -> None:
+    """Write one file without what would change from day to day, or from one version of matplotlib to the next."""
+    if suffix == "pdf":
+        from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+        FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})
+    elif suffix == "svg":
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
+    else:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+
+
+def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
+    """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
+    curves: dict[int, dict[int, list[float]]] = {}
+    for row in rows:
+        curve = curves.setdefault(int(row["layer"]), {})
+        curve.setdefault(int(row["steps"]), []).append(float(row["success"]))
+    figure = new_figure(6, 3.5, dpi=150)
+    axes = figure.subplots()
+    for layer, by_step in sorted(curves.items()):
+        n_goals = len(next(iter(by_step.values())))
+        label = f"layer {layer} ({n_goals} goal{'s' if n_goals > 1 else ''})"
+        axes.plot(list(by_step), [sum(s) / len(s) for s in by_step.values()], label=label, marker=".")
+    axes.set(xlabel="steps", ylabel="success from plain starts", ylim=(-0.02, 1.02))
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    return save(figure, path.with_suffix(""), ["png"])[0]

@@ -1,0 +1,166 @@
+"""`curiobench figure`: every figure of a set of runs, as files."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from curiobench.analysis.canvas import FORMATS, save
+from curiobench.analysis.comparison import draw_comparison, draw_heat_map
+from curiobench.analysis.curves import draw_bonus, draw_exploitation, draw_learned, draw_profile, draw_success
+from curiobench.analysis.frames import Results
+from curiobench.analysis.options import count_partial
+from curiobench.analysis.paper import ABLATIONS, CURIOUS
+from curiobench.analysis.samples import Sample, TaskSamples, task_samples
+from curiobench.analysis.statistics import seed_warnings
+from curiobench.analysis.style import base, caption, method_name, seeds_in_words, theme
+from curiobench.workers import no_collection, parallel_map
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Samples = Sequence[Sample]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A figure that each task gets."""
+
+    draw: Callable[[TaskSamples, Samples], list["Figure"]]
+    caption: str  # what it shows, in the figure itself
+    in_report: str  # what it shows, below it in a report
+    seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
+    """How the seeds are in it, where there are several."""
+    methods: tuple[str, ...] | None = None  # methods in it; None for all
+    column: str | None = None  # column of progress.csv that it draws; only methods that have it are in it
+
+    def shows(self, sample: Sample) -> bool:
+        """Whether a sample is in it."""
+        known = self.column is None or len(sample.logged[self.column][0]) > 0
+        return known and (self.methods is None or sample.method in self.methods)
+
+
+KINDS = MappingProxyType(
+    {
+        "learning-curves": Kind(
+            draw_success,
+            "Success from plain starts, mean over goals",
+            "Success at evaluations over training: mean over seeds and goals, of all goals and of each layer; bands "
+            "are 95 % bootstrap intervals over seeds.",
+        ),
+        "learned-goals": Kind(
+            draw_learned,
+            "Goals with a success above 80 %",
+            "Number of goals whose success is above 80 %, over training.",
+        ),
+        "exploitation": Kind(
+            draw_exploitation,
+            "Share of training steps at which the exploitation policy π_d acted",
+            "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
+            column="share_exploitation",
+        ),
+        "bonus": Kind(
+            draw_bonus,
+            "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
+            "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
+            column="bonus_spread",
+        ),
+        "heat-map": Kind(
+            draw_heat_map,
+            "Success of each goal at the last evaluation",
+            "Success of each goal at the last evaluation, mean over seeds.",
+            "Mean over {seeds}",
+        ),
+        "profile": Kind(
+            draw_profile,
+            "Share of goals and seeds that end above a success of τ",
+            "Performance profile: the share of goals and seeds whose final success is above τ. Higher is better, at "
+            "every τ.",
+        ),
+        "comparison": Kind(
+            draw_comparison,
+            "The last evaluation, and success averaged over training; dotted: success before training",
+            "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small dots are "
+            "seeds.",
+            "Large: mean over {seeds} and its 95 % bootstrap interval; small: each seed",
+        ),
+    }
+)
+"""Figures of all methods, by the ends of the files' names."""
+
+PAPER = MappingProxyType(
+    {
+        "figure-4": replace(KINDS["learning-curves"], methods=CURIOUS),
+        "figure-6c": KINDS["exploitation"],
+        "figure-7": replace(KINDS["learning-curves"], methods=ABLATIONS),
+    }
+)
+"""Figures of the paper, and the methods in them."""
+
+_Chosen = tuple[str, Kind, TaskSamples, Samples]
+"""A figure that is to be drawn: the name of its files, its kind, its task, and the samples in it."""
+
+
+def draw_figures(
+    results: Results, out: Path, like: str | None = None, formats: Sequence[str] = ("pdf", "png"), processes: int = 1
+) -> list[Path]:
+    """Draw the figures of each task; files of the same names are replaced.
+
+    Args:
+        results: the runs. Partial ones among them are drawn up to the last evaluation that all runs of the method have.
+        out: folder of the files, which is made.
+        like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them; None everything of all methods.
+        formats: some of `FORMATS`.
+        processes: how many draw side by side, where the system can fork; the files do not depend on it.
+
+    Returns the files. Raises ValueError on nothing to draw, an unknown format or `like`, or where it cannot write.
+    """
+    if like not in (None, "paper"):
+        raise ValueError(f"like is {like!r}; it can be 'paper'")
+    if unknown := sorted(set(formats) - set(FORMATS)):
+        raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
+    chosen: list[_Chosen] = []
+    for task in task_samples(results):
+        for name, kind in (PAPER if like else KINDS).items():
+            if samples := [sample for sample in task.samples if kind.shows(sample)]:
+                chosen.append((f"{task.task}-{name}", kind, task, samples))
+    if not chosen:
+        raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(CURIOUS)}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with theme():
+            files = parallel_map(partial(_write, out=out, formats=formats), chosen, processes)
+    except OSError as error:
+        raise ValueError(f"cannot write to {out}: {error.strerror}") from None
+    return [file for of_one in files for file in of_one]
+
+
+@no_collection()
+def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
+    """Draw one figure and save its pages."""
+    name, kind, task, samples = chosen
+    pages = kind.draw(task, samples)
+    files = []
+    for number, figure in enumerate(pages, start=1):
+        caption(figure, _caption(task, kind, samples))
+        files += save(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
+    return files
+
+
+def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
+    """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
+    several = max(sample.n_seeds for sample in samples) > 1
+    about = f"{task.task}, {task.scale}"
+    if partial_runs := count_partial(task.runs):
+        about += f"; {partial_runs} of {len(task.runs)} runs are partial, and curves end where a run of the method does"
+    parts = [
+        f"{kind.caption}; {about}",
+        kind.seeds.format(seeds=seeds_in_words(samples)) if several else "1 seed, no interval",
+    ]
+    if several:
+        parts += seed_warnings([(method_name(sample.method), sample.n_seeds) for sample in samples])
+    names = {base(sample.method) for sample in samples if ":" in sample.method}
+    parts += [f"{method_name(name)} is {name}" for name in sorted(names) if method_name(name) != name]
+    return ". ".join(parts) + "."

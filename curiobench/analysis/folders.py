@@ -1,0 +1,144 @@
+"""What is at a path: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
+
+import hashlib
+import os
+import re
+from os.path import isfile  # which raises nothing, where Path.exists may
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from curiobench.files import read_json
+
+GRID_FORMAT = "curiobench grid"
+PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
+"""The frames `runs`, `evaluations` and `progress` of a published set."""
+CONFIGS = "configs"  # folder of a published set with each run's config.json, named after the run
+SUMS = "SHA256SUMS"  # digests of a set's files, as `sha256sum --check` reads them
+_VERSION = re.compile(r"v[1-9]\d*")
+_MAX_GRID_BYTES, _MAX_SUMS_BYTES = 1 << 24, 1 << 20
+
+
+class GridRun(NamedTuple):
+    """A run that a grid expects in a folder."""
+
+    task: str
+    method: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.task} {self.method} seed {self.seed}"
+
+
+def is_published(path: Path) -> bool:
+    """Whether a folder is a published set."""
+    return not isfile(path / "config.json") and all(isfile(path / name) for name in PUBLISHED_FILES)
+
+
+def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
+    """Run folders at a path with what a grid expects in each, and one line on each that a grid lacks or is no run.
+
+    Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.
+    """
+    if not path.is_dir():
+        raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
+    if isfile(path / "config.json"):
+        return {path: None}, []
+    inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
+    runs = [child for child in inside if isfile(child / "config.json")]
+    if isfile(path / "grid.json"):
+        expected = _read_grid(path)
+        found = {folder: run for folder, run in expected.items() if isfile(folder / "config.json")}
+        faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in found]
+        ours = {path / folder.relative_to(path).parts[0] for folder in expected}
+        for child in (child for child in inside if child not in ours):
+            kind = "a run, but not one of the grid's" if child in runs else "no run folder"
+            faults.append(f"{child} is foreign: it is {kind}; left out")
+        return found, faults
+    if not runs:
+        raise ValueError(f"{path} is no run folder: it has no config.json, nor has a folder in it")
+    return dict.fromkeys(runs), [
+        f"{child} is no run folder: it has no config.json" for child in inside if child not in runs
+    ]
+
+
+def _read_grid(path: Path) -> dict[Path, GridRun]:
+    """The runs of a grid by folder, from its grid.json; raises ValueError where it is damaged."""
+    file = path / "grid.json"
+    if not file.is_file() or file.stat().st_size > _MAX_GRID_BYTES:
+        raise ValueError(f"{file} is no list of cells")
+    grid = read_json(file)
+    if grid.get("format") != GRID_FORMAT:
+        raise ValueError(f"{file} is not a grid's: its format is {grid.get('format')!r:.80}")
+    if not isinstance(grid.get("cells"), list):
+        raise ValueError(f"{file} has no list of cells")
+    return {path / _folder(file, cell): GridRun(*map(cell.get, GridRun._fields)) for cell in grid["cells"]}
+
+
+def _folder(file: Path, cell: Any) -> str:
+    """Folder of a cell of grid.json, checked: it lies below the grid's."""
+    kinds = {"folder": str, "task": str, "method": str, "seed": int}
+    sound = isinstance(cell, dict) and all(type(cell.get(name)) is kind for name, kind in kinds.items())
+    if not sound or not (cell["task"] + cell["method"]).isprintable():
+        raise ValueError(f"{file} has a damaged cell: {str(cell)[:80]!r}")
+    folder = PurePosixPath(cell["folder"])
+    if folder.is_absolute() or ".." in folder.parts or not folder.parts or not cell["folder"].isprintable():
+        raise ValueError(f"{file} has the cell {cell['folder']!r}; a cell is a folder below the grid's")
+    return cell["folder"]
+
+
+def available() -> list[str]:
+    """Names of the published sets that come with this package, oldest first."""
+    paths = _home().iterdir() if _home().is_dir() else ()
+    names = [path.name for path in paths if _VERSION.fullmatch(path.name) and is_published(path)]
+    return sorted(names, key=lambda name: int(name[1:]))
+
+
+def locate(name: str | Path) -> Path:
+    """Folder of a published set by its name or path; raises ValueError where there is none."""
+    if isinstance(name, str) and name in available():
+        return _home() / name
+    if is_published(Path(name)):
+        return Path(name)
+    names = ", ".join(available()) or "none yet"
+    raise ValueError(
+        f"there are no published results {str(name)!r}: available are {names}, and paths of published sets"
+    )
+
+
+def by_name(path: Path) -> Path:
+    """The folder of the set that comes with this package under a name such as v1; any other path as it is."""
+    name = str(path)
+    return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
+
+
+def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
+    """Raises ValueError where a file of a published set has another digest than its SHA256SUMS says."""
+    sums = read_sums(folder)
+    for name, path in ((name, folder / name) for name in files):
+        try:
+            if not path.is_file():
+                raise ValueError(f"{path} is no file")
+            found = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise ValueError(f"cannot read {path}: {error.strerror}") from None
+        if sums.get(name) != found:
+            raise ValueError(f"{path} is not the file that was published: {SUMS} has another digest of it")
+
+
+def read_sums(folder: Path) -> dict[str, str]:
+    """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
+    path = folder / SUMS
+    try:
+        if path.exists() and not (path.is_file() and path.stat().st_size <= _MAX_SUMS_BYTES):
+            raise ValueError(f"{path} is no file of at most {_MAX_SUMS_BYTES:,} bytes")
+        lines = path.read_text("utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
+
+
+def _home() -> Path:
+    """Folder of the published sets: `curiobench/published` where installed, `results` in a working copy."""
+    package = Path(__file__).resolve().parents[1]
+    working_copy = package.parent / "pyproject.toml"
+    return package.parent / "results" if working_copy.exists() else package / "published"

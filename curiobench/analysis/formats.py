@@ -1,0 +1,230 @@
+"""Tables as text for the terminal, markdown, LaTeX and csv, and what `curiobench table` prints and writes."""
+
+import csv
+import io
+import os
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from os.path import isfile
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from curiobench.analysis.frames import Results, read_results, tell_faults
+from curiobench.analysis.paper import flat_paper_table, paper_tables
+from curiobench.analysis.samples import task_samples
+from curiobench.analysis.summaries import Estimate, Value, summarise
+from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
+from curiobench.files import replace_file
+from curiobench.methods.specs import shown
+from curiobench.workers import cores
+
+if TYPE_CHECKING:
+    from curiobench.cli.arguments import TableArguments
+
+MISSING = "–"  # in the place of a value that there is none of
+MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
+"""What is written down about the runs that a table was made from."""
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "–": "--",
+} | {character: f"\\{character}" for character in "&%$#_{}"}
+
+Tables = tuple[str, Sequence[Table], Table]
+"""A name for their files, tables to look at, and one that holds all their numbers."""
+
+
+def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
+    """Tables as plain text, `width` columns wide at most, where long cells are wrapped; bold by codes if `colour`."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    console = Console(file=io.StringIO(), width=width or 10_000, force_terminal=colour, no_color=True, highlight=False)
+    for place, table in enumerate(tables):
+        grid = Grid(box=box.SIMPLE, pad_edge=False, show_edge=False)
+        for column in table.columns:
+            grid.add_column(Text(column.heading), justify="right" if _is_number(table, column) else "left")
+        for cells in _cells(table):
+            grid.add_row(*(Text(text, "bold" if best else "") for text, best in cells))
+        if place:
+            console.print()
+        if table.title:
+            console.print(Text(table.title, "bold"), end="\n\n")
+        console.print(grid)
+        for note in table.notes:
+            console.print(Text(f"  {note}"))
+    return re.sub(r" +$", "", console.file.getvalue().rstrip("\n"), flags=re.MULTILINE)
+
+
+def markdown(tables: Sequence[Table]) -> str:
+    """Tables as GitHub's markdown has them."""
+    parts = []
+    for table in tables:
+        heads = [_markdown(column.heading) for column in table.columns]
+        rules = ["---:" if _is_number(table, column) else "---" for column in table.columns]
+        rows = [[f"{'**' * best}{_markdown(text)}{'**' * best}" for text, best in cells] for cells in _cells(table)]
+        lines = [f"| {' | '.join(cells)} |" for cells in (heads, rules, *rows)]
+        notes = [f"- {_markdown(note)}" for note in table.notes]
+        title = [f"**{_markdown(table.title)}**"] if table.title else []
+        parts += filter(None, map("\n".join, (title, lines, notes)))
+    return "\n\n".join(parts)
+
+
+def _markdown(text: str) -> str:
+    return re.sub(r"([\\`*_|<>\[\]])", r"\\\1", text)
+
+
+def latex(tables: Sequence[Table]) -> str:
+    r"""Tables in LaTeX, for `\input`; they need the package booktabs."""
+    parts = []
+    for table in tables:
+        kinds = "".join("r" if _is_number(table, column) else "l" for column in table.columns)
+        rows = [[_latex(column.heading) for column in table.columns]]
+        for cells in _cells(table):
+            rows.append([rf"\textbf{{{_latex(text)}}}" if best else _latex(text) for text, best in cells])
+        head, *body = [f"    {' & '.join(cells)} \\\\" for cells in rows]
+        caption = _latex(". ".join([table.title, *table.notes]) + ".")
+        lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{caption}}}"]
+        lines += [rf"  \begin{{tabular}}{{{kinds}}}", r"    \toprule", head, r"    \midrule", *body, r"    \bottomrule"]
+        parts.append("\n".join([*lines, r"  \end{tabular}", r"\end{table}"]))
+    return "\n\n".join(["% needs \\usepackage{booktabs}", *parts])
+
+
+def _latex(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text)
+
+
+WRITERS = MappingProxyType({"terminal": (terminal, "txt"), "markdown": (markdown, "md"), "latex": (latex, "tex")})
+"""The formats of tables to look at, and the suffixes of their files."""
+
+
+def comma_separated(table: Table) -> str:
+    """One table as csv: a header row, numbers in full, an interval in the columns `…_low` and `…_high`."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    names = {}
+    for key in (column.key for column in table.columns):
+        interval = any(isinstance(row.get(key), Estimate) for row in table.rows)
+        names[key] = [key, f"{key}_low", f"{key}_high"] if interval else [key]
+    writer.writerow([name for of_column in names.values() for name in of_column])
+    for row in table.rows:
+        writer.writerow([cell for key, own in names.items() for cell in _csv_cells(row.get(key))[: len(own)]])
+    return text.getvalue().rstrip("\n")
+
+
+def _csv_cells(value: Value) -> list[str]:
+    """A value and the ends of its interval."""
+    numbers = [value.value, value.low, value.high] if isinstance(value, Estimate) else [value, None, None]
+    plain = (f"{number:.12g}" if isinstance(number, float) else str(number) for number in numbers)
+    return ["" if number is None or number != number else text for number, text in zip(numbers, plain, strict=True)]
+
+
+def _is_number(table: Table, column: Column) -> bool:
+    values = [row.get(column.key) for row in table.rows]
+    return all(value is None or not isinstance(value, str) or value[:1].isdigit() for value in values)
+
+
+def _cells(table: Table) -> list[list[tuple[str, bool]]]:
+    """The values as text, and whether each is the best of its column beyond doubt."""
+    best = {column.key: table.best(column) for column in table.columns}
+    return [
+        [
+            (" ".join(filter(None, number_and_interval(row.get(column.key), column.digits))), best[column.key] == place)
+            for column in table.columns
+        ]
+        for place, row in enumerate(table.rows)
+    ]
+
+
+def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
+    """A value as text, and its interval ("" for none)."""
+    if value is None or value != value:
+        return MISSING, ""
+    number, interval = value, ""
+    if isinstance(value, Estimate):
+        number = value.value
+        interval = f"[{value.low:.{digits}f}, {value.high:.{digits}f}]" if value.has_interval else ""
+    return f"{number:.{digits}f}" if isinstance(number, float) else str(number), interval
+
+
+def show_tables(arguments: "TableArguments") -> None:
+    """Print tables of runs, and write them where asked to; then name on stderr the runs that are not in them.
+
+    Raises ValueError, after the tables, where a path that was asked for is not in them, or there is nothing to show.
+    """
+    if arguments.like and arguments.each_run:
+        raise ValueError("--like paper and --each-run are different tables; ask for one of them")
+    single = len(arguments.runs) == 1 and isfile(arguments.runs[0] / "config.json")
+    each_run = arguments.each_run or (single and arguments.like is None)
+    if arguments.baseline and (each_run or arguments.like):
+        other = "--like paper" if arguments.like else "single runs"
+        raise ValueError(f"--baseline is for the tables of methods, not for {other}")
+    partial = arguments.partial or each_run
+    results = read_results(arguments.runs, partial, every_goal=False, progress=False, processes=cores())
+    if not results.runs.empty:
+        made = make_tables(results, arguments.like, arguments.baseline, each_run)
+        print(_written(made, arguments.format))
+        if arguments.out is not None:
+            write_tables(arguments.out, made, results)
+    tell_faults(results, "table")
+    if results.runs.empty:
+        raise ValueError("there is no run to show")
+
+
+def _written(made: Tables, form: str) -> str:
+    _, tables, flat = made
+    if form == "csv":
+        return comma_separated(flat)
+    if form != "terminal":
+        return WRITERS[form][0](tables)
+    screen = sys.stdout.isatty()
+    return terminal(
+        tables, shutil.get_terminal_size().columns if screen else None, screen and "NO_COLOR" not in os.environ
+    )
+
+
+def make_tables(
+    results: Results, like: str | None = None, baseline: str | None = None, each_run: bool = False
+) -> Tables:
+    """The tables of runs, of which there is at least one; raises ValueError where none is of the baseline."""
+    if each_run:
+        return "runs", [run_table(results)], run_table(results, flat=True)
+    chosen = check_baseline(results, baseline)
+    summaries = summarise(task_samples(results), chosen)
+    if like == "paper":
+        tables = paper_tables(summaries)
+        return "paper", tables, flat_paper_table(tables)
+    return "table", method_tables(summaries, chosen), flat_table(summaries, chosen)
+
+
+def check_baseline(results: Results, baseline: str | None) -> str:
+    """The method that others are compared with, sac for None; raises ValueError where no run is of it."""
+    methods, chosen = list(dict.fromkeys(results.runs["method"])), shown(baseline or "sac")
+    if baseline and chosen not in methods:
+        raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")
+    return chosen
+
+
+def write_tables(folder: Path, made: Tables, results: Results) -> None:
+    """Write tables in all formats, which runs are in them, and which are not; raises ValueError where it cannot."""
+    name, (*others, last), flat = made
+    left_out = tuple(f"left out: {fault}" for fault in results.faults)
+    tables = [*others, replace(last, notes=(*last.notes, *left_out))]
+    files = {f"{name}.{suffix}": write(tables) + "\n" for write, suffix in WRITERS.values()}
+    files[f"{name}.csv"] = comma_separated(flat) + "\n"
+    files[f"{name}_made_from.csv"] = results.runs[MADE_FROM].to_csv(index=False, lineterminator="\n")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, text in files.items():
+            replace_file(folder / file, lambda stream, text=text: stream.write(text.encode()))
+    except OSError as error:
+        raise ValueError(f"cannot write to {folder}: {error.strerror}") from None

@@ -1,0 +1,266 @@
+"""Run folders and published sets as pandas frames. docs/results.md says what each column means."""
+
+import functools
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import union_categoricals
+
+from curiobench.analysis.folders import GridRun, by_name, is_published, locate, look
+from curiobench.analysis.options import variants
+from curiobench.analysis.rows import DTYPES
+from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows, without_beginnings
+from curiobench.analysis.sets import read_set
+from curiobench.errors import one_line
+from curiobench.methods.specs import canonical
+from curiobench.run_folder import PACKAGES
+from curiobench.workers import no_collection, parallel_map
+
+METHOD_ORDER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
+"""Methods as tables and figures list them; others follow by name."""
+IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
+RUN_COLUMNS = (
+    *IDENTITY,
+    *("robot", "preset", "epochs", "epoch", "complete", "steps", "updates", "hours", "peak_memory_mb", "machine"),
+    *(*PACKAGES, "python", "git_commit", "method_sha256", "created", "finished", "command", "config"),
+)
+"""Columns of `Results.runs`."""
+EVALUATION_COLUMNS = (*IDENTITY, *DTYPES)  # columns of `Results.evaluations`
+LAYER_COLUMNS = (*IDENTITY, "epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
+"""Columns of `Results.layers`."""
+FEWEST = 16  # run folders a process for which it is worth starting one
+
+
+@dataclass(frozen=True)
+class Results:
+    """Runs as pandas frames."""
+
+    runs: pd.DataFrame  # a row a run
+    evaluations: pd.DataFrame
+    """A row a run, evaluation and goal; with `read_results(every_goal=False)` the last evaluations only."""
+    layers: pd.DataFrame  # a row a run, evaluation and layer, with means over its goals; layer 0 is all goals together
+    progress: pd.DataFrame  # a row a run and epoch
+    config_files: dict[str, Path] = field(default_factory=dict)
+    """Where each run's config.json should be; that of a published set may be missing."""
+    faults: tuple[str, ...] = ()
+    """One line on each folder that is missing, broken, partial, duplicate or foreign, and what was done with it."""
+    absent: tuple[str, ...] = ()  # the faults because of which a path that was asked for gave no run at all
+
+    def checked_config_files(self) -> dict[str, Path]:
+        """Where the config.json of each run is; raises ValueError where one is missing or too large."""
+        for run, file in self.config_files.items():
+            if not file.is_file() or file.stat().st_size > MAX_JSON_BYTES:
+                raise ValueError(f"there is no config.json of {run}, of at most {MAX_JSON_BYTES:,} bytes")
+        return self.config_files
+
+
+def load(name: str | Path) -> Results:
+    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
+
+    Raises ValueError where there is no such set, or a file of it is damaged.
+    """
+    results = read_results([locate(name)])
+    if results.faults:
+        raise ValueError("; ".join(results.faults))
+    return results
+
+
+def check_named(paths: Sequence[Path]) -> None:
+    """Raise ValueError where no path was given."""
+    if not paths:
+        raise ValueError("name at least one run folder, folder of run folders or published set")
+
+
+def tell_faults(results: Results, what: str) -> None:
+    """Print a line on each folder that is left out to stderr.
+
+    Raises ValueError, one line, that names those which were asked for by their path: they are not in the `what`.
+    """
+    for fault in results.faults:
+        if fault not in results.absent:
+            print(f"curiobench: {one_line(fault)}", file=sys.stderr)
+    if results.absent:
+        raise ValueError(f"not in the {what}: " + "; ".join(results.absent))
+
+
+def place_of(method: str) -> tuple[int, str]:
+    """What tables and figures sort methods by."""
+    return (METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER), method)
+
+
+def read_results(
+    paths: Sequence[Path],
+    partial: bool = False,
+    every_goal: bool = True,
+    progress: bool | Collection[str] = True,
+    processes: int = 1,
+    meanwhile: Callable[[], object] = lambda: None,
+    longest: bool = False,
+) -> Results:
+    """Read runs; imports no method and changes nothing.
+
+    Args:
+        paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
+            with this package, such as v1, where there is no such folder.
+        partial: also take runs that are not finished.
+        every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time.
+        progress: read progress.csv; or of the runs that have one of these columns, these and those that every run has.
+        processes: how many read folders side by side, where there are many; what is read does not depend on it.
+        meanwhile: what this process does first, while others have begun to read, such as a long import.
+        longest: leave out, without a fault, a run that is the beginning of another one, which was made longer.
+
+    Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others.
+    """
+    load_folder = functools.partial(_load, partial=partial, every_goal=every_goal, progress=progress)
+    with no_collection():
+        seen: set[Path] = set()
+        found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, seen)]
+        folders = [what for what, _ in found if isinstance(what, tuple)]
+        loaded = iter(parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
+        read = [(next(loaded) if isinstance(what, tuple) else what, asked) for what, asked in found]
+        runs, faults, absent = _usable(read)
+        return _results(without_beginnings(runs) if longest else runs, (*faults, *absent), tuple(absent))
+
+
+_Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
+
+
+def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _Folder | str, bool]]:
+    """Runs of a published set, folders to read, and faults at a path; and whether the path itself was asked for.
+
+    A folder that was `seen` at a path before is left out.
+    """
+
+    def is_new(folder: Path) -> bool:
+        resolved, size = folder.resolve(), len(seen)
+        seen.add(resolved)
+        return len(seen) > size
+
+    try:
+        if path.is_dir() and is_published(path):
+            published, folders, faults = read_set(path, every_goal), {}, []
+        else:
+            published, (folders, faults) = [], look(path)
+    except (ValueError, OSError) as error:
+        yield str(error), True
+        return
+    yield from ((fault, False) for fault in faults)
+    if published and is_new(path):
+        yield from ((run, False) for run in published)
+    for folder, expected in folders.items():
+        if is_new(folder):
+            yield (folder, expected), folder == path
+
+
+def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str], list[str]]:
+    """Runs that can be used, each once, and faults about the others, those of paths that were asked for apart.
+
+    Complete runs come first, which none that is partial replaces.
+    """
+    kept: dict[str, Run] = {}
+    faults: tuple[list[str], list[str]] = ([], [])
+    for run, asked in sorted(read, key=lambda one: isinstance(one[0], Run) and not one[0].values["complete"]):
+        if isinstance(run, str):
+            faults[asked].append(run)
+        elif run.evaluations is None and not run.fault:
+            faults[asked].append(f"{run.path} is partial: it has no result.json; left out")
+        elif first := kept.get(run.identity()):
+            faults[asked].append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
+        elif run.fault:
+            faults[asked].append(run.fault)
+        else:
+            faults[False].extend(run.notes)
+            kept[run.identity()] = run
+    return list(kept.values()), *faults
+
+
+def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
+    """A run with its rows; without them where it is partial and not wanted or has a fault. A fault where it is none."""
+    path, expected = folder
+    try:
+        run = read_head(path)
+        found = GridRun(*(run.config[name] for name in GridRun._fields))
+        if expected and found != expected._replace(method=canonical(expected.method)):
+            raise ValueError(f"{path} is foreign: it is {found}, not the grid's {expected}")
+    except (ValueError, OSError) as error:
+        return _left_out(error)
+    if run.result is None and not partial:
+        return run
+    try:
+        return with_rows(run, every_goal, progress)
+    except (ValueError, OSError) as error:
+        return replace(run, fault=_left_out(error))
+
+
+def _left_out(error: Exception) -> str:
+    text = f"cannot read {error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+    return f"{text}; left out"
+
+
+def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
+    texts = variants([run.decisive() for run in runs])
+    order = sorted(zip(texts, runs, strict=True), key=_key)
+    runs = [run for _, run in order]
+    names = _names([Path(os.path.abspath(run.path)) for run in runs])
+    rows = [run.values | {"run": name, "variant": text} for name, (text, run) in zip(names, order, strict=True)]
+    frame = pd.DataFrame(rows, columns=list(RUN_COLUMNS))
+    return Results(
+        frame,
+        _stacked(frame, [run.evaluations for run in runs], EVALUATION_COLUMNS),
+        _stacked(frame, [run.layers for run in runs], LAYER_COLUMNS),
+        _progress_frame(frame, [run.progress for run in runs]),
+        {name: run.config_file for name, run in zip(names, runs, strict=True)},
+        faults,
+        absent,
+    )
+
+
+def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
+    """What runs, after their variants, are sorted by."""
+    variant, run = named
+    return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Folder names, with as much of the path before them as makes them unique."""
+    names = [path.name for path in paths]
+    for depth in range(2, 1 + max((len(path.parts) for path in paths), default=0)):
+        often = {name for name, times in Counter(names).items() if times > 1}
+        names = [
+            "/".join(path.parts[-depth:]) if name in often else name for path, name in zip(paths, names, strict=True)
+        ]
+    return names
+
+
+def _identity(frame: pd.DataFrame, sizes: Sequence[int]) -> dict[str, Any]:
+    """The first columns of a frame in which the i-th run has `sizes[i]` rows."""
+    which = np.repeat(np.arange(len(frame)), sizes)
+    columns = {name: pd.Categorical(frame[name], list(dict.fromkeys(frame[name])))[which] for name in IDENTITY[:-1]}
+    return columns | {"seed": frame["seed"].to_numpy(np.int64)[which]}
+
+
+def _stacked(frame: pd.DataFrame, parts: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
+    """The rows of all runs; categories are in the order in which they first occur."""
+    if not parts:
+        return pd.DataFrame(columns=list(names))
+    columns = _identity(frame, [len(part) for part in parts])
+    for name in parts[0]:
+        values = [part[name] for part in parts]
+        text = isinstance(values[0].dtype, pd.CategoricalDtype)
+        columns[name] = union_categoricals(values) if text else np.concatenate(values)
+    return pd.DataFrame(columns, columns=list(names), copy=False)
+
+
+def _progress_frame(frame: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    if not any(map(len, parts)):
+        return pd.DataFrame(columns=list(IDENTITY))
+    rows = pd.concat([part for part in parts if len(part)], ignore_index=True)
+    columns = _identity(frame, [len(part) for part in parts])
+    return pd.concat([pd.DataFrame(columns, index=rows.index), rows], axis=1)

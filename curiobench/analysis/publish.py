@@ -1,0 +1,168 @@
+"""`curiobench publish`: run folders become a published set, which `curiobench.analysis.load` reads."""
+
+import gzip
+import hashlib
+import io
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, is_published
+from curiobench.analysis.frames import Results, read_results
+from curiobench.files import replace_file, sync_folder
+
+DERIVED = ("tables", "figures", "report.html")  # what is made from the rows, and can be made again
+_OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
+_PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
+_COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
+"""Of a run, which has more than one where it was made longer by other code."""
+
+
+def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
+    """Write the published set of runs, and return one line on each part of it.
+
+    The set is written beside its place and renamed when it is complete. Where there is one already, files in it that
+    are not written here, such as a README, are kept.
+
+    Args:
+        paths: run folders, grids, published sets. A run that was made longer takes the place of its beginning.
+        out: folder of the set.
+        allow_dirty: also take runs of altered code, or of code whose commit is not known.
+        replace: also where the set that is there has runs that the new one lacks, or other numbers for a run.
+
+    Raises ValueError where a folder is missing, broken, partial, a duplicate or foreign, a run's code is no commit, or
+    `out` holds something else or cannot be written; names each. What is at `out` is then left as it is.
+    """
+    results = read_results(paths, longest=True)
+    _check_runs(results, allow_dirty)
+    configs = {run: file.read_bytes() for run, file in results.checked_config_files().items()}
+    place = out.resolve()
+    if not place.name:
+        raise ValueError(f"{out} is no place for a published set; name a folder in it")
+    old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
+    try:
+        _tidy(place, old, new)
+        _check_place(place, results, replace)
+        try:
+            new.mkdir(parents=True)
+            _write(new, results, configs)
+            derive(new)
+            _keep_others(place, new)
+            if place.exists():
+                place.rename(old)
+            new.rename(place)
+            sync_folder(place.parent)
+        finally:
+            _tidy(place, old, new)
+    except OSError as error:
+        raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
+    rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
+    return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
+
+
+def _check_runs(results: Results, allow_dirty: bool) -> None:
+    """Raises ValueError where not all runs can be published."""
+    if results.faults:
+        raise ValueError(f"not published: {'; '.join(results.faults)}")
+    if results.runs.empty:
+        raise ValueError("name at least one run folder")
+    dirty = [
+        f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
+        for run, commit in zip(results.runs["run"], results.runs["git_commit"], strict=True)
+        if not _COMMITS.fullmatch(commit)
+    ]
+    if dirty and not allow_dirty:
+        raise ValueError(f"not published: {'; '.join(dirty)}; --allow-dirty takes them all the same")
+    if odd := [run for run in results.runs["run"] if not _PLAIN.fullmatch(run)]:
+        raise ValueError(
+            f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
+        )
+
+
+def _tidy(out: Path, old: Path, new: Path) -> None:
+    """Remove what a `publish` leaves that did not come to its end; one stopped between its two renames is undone."""
+    if old.exists() and not out.exists():
+        old.rename(out)
+    for rest in (old, new):
+        if rest.exists():
+            shutil.rmtree(rest)
+
+
+def _keep_others(out: Path, new: Path) -> None:
+    """Copy what is beside the files of the set that is there, such as a README."""
+    for path in out.iterdir() if out.exists() else ():
+        if path.name in _OWN:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.copytree(path, new / path.name, symlinks=True)
+        else:
+            shutil.copy2(path, new / path.name, follow_symlinks=False)
+
+
+def _check_place(out: Path, results: Results, replace: bool) -> None:
+    """Raises ValueError where something is at `out` that the set must not take the place of."""
+    if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
+        return
+    if not is_published(out):
+        raise ValueError(f"{out} exists and is no published set")
+    if replace:
+        return
+    check_sums(out)
+    there = read_results([out])
+    faults, (theirs, ours) = list(there.faults), map(_rows_of_runs, (there, results))
+    for run, rows in theirs.items():
+        if run not in ours:
+            faults.append(f"its run {run} would be lost")
+        elif not rows.equals(ours[run][: len(rows)]):  # the new rows may be those of a longer run
+            faults.append(f"its run {run} would get other numbers")
+    if faults:
+        raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
+
+
+def _rows_of_runs(results: Results) -> dict[str, pd.DataFrame]:
+    """The numbers of each run's evaluations."""
+    columns = ["epoch", "steps", "success", "episodes", "success_unsatisfied", "episodes_unsatisfied"]
+    groups = results.evaluations.groupby("run", observed=True)[columns]
+    return {str(run): rows.reset_index(drop=True) for run, rows in groups}
+
+
+def _frames(results: Results) -> dict[str, pd.DataFrame]:
+    """What a set holds, by file."""
+    return dict(zip(PUBLISHED_FILES, (results.runs, results.evaluations, results.progress), strict=True))
+
+
+def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None:
+    """Write the rows and configs of a set, and their digests."""
+    texts = {name: frame.to_csv(index=False, lineterminator="\n").encode() for name, frame in _frames(results).items()}
+    data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
+    data |= {f"{CONFIGS}/{run}.json": content for run, content in configs.items()}
+    sums = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(data.items()))
+    (folder / CONFIGS).mkdir()
+    for name, content in (data | {SUMS: sums.encode()}).items():
+        replace_file(folder / name, lambda file, content=content: file.write(content))
+
+
+def derive(folder: Path) -> None:
+    """Write the tables, figures and the report of a published set into it, as the commands of these names do."""
+    from curiobench.analysis.figures import draw_figures
+    from curiobench.analysis.formats import make_tables, write_tables
+    from curiobench.analysis.paper import LEARNED
+    from curiobench.analysis.report import write_report
+    from curiobench.workers import cores
+
+    results = read_results([folder], every_goal=False)
+    for like in (None, "paper") if LEARNED.keys() & set(results.runs["method"]) else (None,):
+        write_tables(folder / "tables", make_tables(results, like), results)
+    draw_figures(results, folder / "figures", processes=cores())
+    write_report([folder], folder / "report.html", processes=cores())
+
+
+def _gzip(content: bytes) -> bytes:
+    """The content compressed, without a name or time: the same bytes whenever it is done."""
+    buffer = io.BytesIO()
+    with gzip.GzipFile("", "wb", 9, buffer, mtime=0) as file:
+        file.write(content)
+    return buffer.getvalue()

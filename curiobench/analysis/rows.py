@@ -1,0 +1,270 @@
+"""The csv files of one run, checked: every goal of the task at every evaluation, and only possible numbers."""
+
+import csv
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.protocol import LEARNED_ABOVE
+from curiobench.tasks.goals import goal_space
+from curiobench.tasks.registration import n_blocks_of
+
+MAX_CSV_BYTES = 1 << 30
+LARGEST_LISTED_TASK = 4
+"""Blocks of the largest task whose valid goals are looked up; enumerating those of five blocks takes ten seconds."""
+_ROUNDING = 1e-9
+
+DTYPES = {
+    "epoch": np.int32,
+    "steps": np.int64,
+    "goal": "category",
+    "bits": "category",
+    "layer": np.int8,
+    "episodes": np.int32,
+    "success": np.float64,
+    "episodes_unsatisfied": np.int32,
+    "success_unsatisfied": np.float64,
+    "learned": np.int8,
+}
+"""Columns of evaluations.csv, and of what type they are."""
+_CURVE_COLUMNS = ("epoch", "steps", "bits", "layer", "success", "success_unsatisfied", "learned")
+"""What is needed of an evaluation that is not the last."""
+PROGRESS_DTYPES = {"epoch": np.int32, "steps": np.int64, "updates": np.int64}
+PROGRESS_COLUMNS = (*PROGRESS_DTYPES, "seconds")  # columns that every progress.csv has; the rest depends on the method
+
+Frames = tuple[pd.DataFrame, pd.DataFrame]
+"""Rows of a run in `Results.evaluations` and `Results.layers`, without the columns that identify the run."""
+
+
+def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) -> tuple[Frames, str]:
+    """The frames of a run's evaluations.csv, and what was left out of it ("" for nothing).
+
+    With `every_goal` the first frame has every evaluation, otherwise the last one, which takes half the time. If
+    `tolerant`, an incomplete evaluation at the end is left out, as a run at work or killed may have one. Raises
+    ValueError, which names the file, where it is missing, damaged, or not of this task.
+    """
+    with _naming(path):
+        content = _read_bytes(path, cut_off=tolerant)
+        kept = _complete_evaluations(content) if tolerant else content
+        dropped = "" if len(kept) == len(content) else f"{path}: its last evaluation is not all there, and left out"
+        _check_header(kept, DTYPES)
+        dtypes = DTYPES | ({"bits": np.int64} if _bits_as_integers(task) else {})
+        rows = _parse_csv(kept, DTYPES if every_goal else _CURVE_COLUMNS, dtypes)
+        if every_goal or rows.empty:
+            return check(rows, task), dropped
+        header, *lines = kept.splitlines(keepends=True)
+        last = b"".join([header, *lines[-int((rows["epoch"] == rows["epoch"].iloc[-1]).sum()) :]])
+        return check(rows, task, _parse_csv(last, DTYPES, dtypes)), dropped
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Turns whatever a damaged csv file raises into one line, as a ValueError that names the file."""
+    try:
+        yield
+    except (ValueError, TypeError, OverflowError, csv.Error) as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+
+
+def _read_bytes(path: Path, cut_off: bool) -> bytes:
+    """A csv file; raises ValueError where there is none, it is too large, or its last row is `cut_off` and may not."""
+    if not path.is_file():
+        raise ValueError("the file is missing")
+    if path.stat().st_size > MAX_CSV_BYTES:
+        raise ValueError(f"the file has more than {MAX_CSV_BYTES:,} bytes")
+    content = path.read_bytes()
+    if not cut_off and not content.endswith(b"\n"):
+        raise ValueError("the file is empty" if not content else "its last row is cut off")
+    return content
+
+
+def _complete_evaluations(content: bytes) -> bytes:
+    """The file up to the last evaluation that has as many rows as the first."""
+    header, *lines = content.splitlines(keepends=True) or [b""]
+    epochs = [line.partition(b",")[0] for line in lines if line.endswith(b"\n")]
+    n_goals = epochs.count(epochs[0]) if epochs else 1
+    return header + b"".join(lines[: len(epochs) // n_goals * n_goals])
+
+
+def _n_bits(task: str) -> int:
+    return 3 * n_blocks_of(task) * (n_blocks_of(task) - 1) // 2
+
+
+def _bits_as_integers(task: str) -> bool:
+    """Whether bit strings of a task are read as decimal numbers: that is faster, but they must fit into 64 bits."""
+    return _n_bits(task) <= 18
+
+
+def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
+    """Names of the columns of a csv file; raises ValueError where it lacks one."""
+    header = BytesIO(content).readline().decode().strip().split(",")
+    if lacking := [name for name in columns if name not in header]:
+        raise ValueError(f"it has no column {', '.join(lacking)}")
+    return header
+
+
+def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]) -> pd.DataFrame:
+    """Columns of a csv file, all of which it has; raises ValueError where a value is of another type."""
+    types = {name: dtypes[name] for name in columns if name in dtypes}
+    # index_col: without it a row with too many fields would shift the columns
+    with warnings.catch_warnings():  # of an infinite whole number, which is an error as well
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
+
+
+def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Frames:
+    """The frames of one run from the rows of its evaluations.csv, or from some columns of them and the `last` ones.
+
+    Raises ValueError where a goal is missing, twice there, or foreign, or a number cannot be.
+    """
+    if rows.empty:
+        raise ValueError("there is no evaluation yet")
+    epoch, steps, layer = (rows[name].to_numpy() for name in ("epoch", "steps", "layer"))
+    bits = (rows["bits"].astype(np.int64) if _bits_as_integers(task) else rows["bits"]).to_numpy()
+    starts = np.flatnonzero(np.r_[True, epoch[1:] != epoch[:-1]])
+    n_goals = _check_goals(bits, layer, starts, task)
+    epoch, steps = epoch[starts], steps[starts]
+    if (np.diff(epoch) <= 0).any() or epoch[0] < 0 or (np.diff(steps) < 0).any():
+        raise ValueError("its epochs and steps do not rise")
+    rates = [rows[name].to_numpy().reshape(-1, n_goals) for name in ("success", "success_unsatisfied", "learned")]
+    _check_success(*rates)
+    kept = rows if last is None else last
+    if not ((kept["episodes"] > 0) & kept["episodes_unsatisfied"].between(0, kept["episodes"])).all():
+        raise ValueError("its numbers of episodes cannot be")
+    texts = {"goal": _names(kept["goal"].to_numpy().reshape(-1, n_goals))}
+    texts["bits"] = [str(text).zfill(_n_bits(task)) for text in bits[:n_goals]]
+    codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
+    columns = {name: kept[name].to_numpy() for name in DTYPES if name not in texts}
+    columns |= {name: pd.Categorical.from_codes(codes, words) for name, words in texts.items()}
+    return pd.DataFrame(columns, columns=list(DTYPES)), _layers(epoch, steps, layer[:n_goals], *rates)
+
+
+def _check_goals(bits: np.ndarray, layer: np.ndarray, starts: np.ndarray, task: str) -> int:
+    """Number of goals; raises ValueError where an evaluation does not hold each of them once, in one order."""
+    known = _goals_of(task)
+    sizes = np.diff(np.r_[starts, len(bits)])
+    n_goals = len(known) if known else int(sizes[0])
+    if (sizes != n_goals).any():
+        raise ValueError(f"an evaluation has {sizes[sizes != n_goals][0]} rows; it takes {n_goals}, one a goal")
+    first = dict(zip(bits[:n_goals].tolist(), layer[:n_goals].tolist(), strict=True))
+    if len(first) != n_goals or (known and first != known):
+        raise ValueError(f"its goals are not those of {task}")
+    for column in (bits, layer):
+        if (column.reshape(-1, n_goals) != column[:n_goals]).any():
+            raise ValueError("its evaluations differ in their goals")
+    return n_goals
+
+
+@cache
+def _goals_of(task: str) -> dict[int, int] | None:
+    """Layer by goal, whose bits are read as a decimal number; None where there are too many goals to list."""
+    if n_blocks_of(task) > LARGEST_LISTED_TASK:
+        return None
+    space = goal_space(n_blocks_of(task))
+    return {int(space.bit_string(bits)): int(layer) for bits, layer in zip(space.goals, space.layers, strict=True)}
+
+
+def _check_success(success: np.ndarray, unsatisfied: np.ndarray, learned: np.ndarray) -> None:
+    # a NaN fails every comparison, and only `success_unsatisfied` may be one
+    if not ((success >= 0) & (success <= 1)).all():
+        raise ValueError("its success is not always a number from 0 to 1")
+    if ((unsatisfied < 0) | (unsatisfied > 1)).any():
+        raise ValueError("its success_unsatisfied is not always a number from 0 to 1")
+    sure = np.abs(success - LEARNED_ABOVE) > _ROUNDING
+    if ((learned != (success > LEARNED_ABOVE)) & sure).any():
+        raise ValueError(f"its learned is not 1 where success is above {LEARNED_ABOVE} and 0 elsewhere")
+
+
+def _names(goals: np.ndarray) -> list[str]:
+    """Names of the goals `(E, G)`; raises ValueError where one changes from evaluation to evaluation."""
+    first = list(goals[0])
+    texts = all(isinstance(name, str) for name in first)
+    if (goals != goals[0]).any() or len(set(first)) != len(first) or not texts:
+        raise ValueError("its goals do not have one name each")
+    return first
+
+
+def _layers(epoch: np.ndarray, steps: np.ndarray, layer: np.ndarray, *rates: np.ndarray) -> pd.DataFrame:
+    """Means over the goals of each layer, 0 for all goals together, from `(E,)`, `(G,)` and `(E, G)` arrays."""
+    success, unsatisfied, learned = rates
+    layers = np.unique(layer)
+    member = np.column_stack([np.ones(len(layer)), *(layer == one for one in layers)])  # (G, L + 1)
+    goals = member.sum(axis=0)
+    seen = ~np.isnan(unsatisfied)
+    with np.errstate(invalid="ignore"):  # 0 / 0 is the NaN that is meant
+        means = np.where(seen, unsatisfied, 0) @ member / (seen @ member)
+    columns = {
+        "epoch": np.repeat(epoch, len(goals)),
+        "steps": np.repeat(steps, len(goals)),
+        "layer": np.tile(np.concatenate([[0], layers]).astype(np.int8), len(epoch)),
+        "goals": np.tile(goals.astype(np.int32), len(epoch)),
+        "success": (success @ member / goals).ravel(),
+        "success_unsatisfied": means.ravel(),
+        "learned": ((learned > 0) @ member).astype(np.int32).ravel(),
+    }
+    return pd.DataFrame(columns, copy=False)
+
+
+def read_progress(
+    path: Path, wanted: bool | Collection[str], result: Mapping[str, Any] | None
+) -> tuple[pd.DataFrame, str]:
+    """Rows of a progress.csv, and what was left out of it ("" for nothing).
+
+    `wanted` is True for all columns, or names some, which come with those that every run has. Where a finished run has
+    none of these, only its last row is checked, against its `result`. Without one the last row may be cut off. Raises
+    ValueError, which names the file, where it is missing, damaged, or has another end than result.json.
+    """
+    if result is None and not path.exists():
+        return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
+    with _naming(path):
+        content = _read_bytes(path, cut_off=result is None)
+        kept = content[: content.rfind(b"\n") + 1]
+        header = _check_header(kept, PROGRESS_COLUMNS)
+        columns = asked(wanted, header)
+        rows = pd.DataFrame()
+        if columns or result is None:
+            rows = _parse_csv(kept, dict.fromkeys([*PROGRESS_COLUMNS, *columns]), PROGRESS_DTYPES)
+            _check_progress(rows)
+        if result is not None:
+            _check_end(kept, header, result)
+    return rows, "" if len(kept) == len(content) else f"{path}: its last row is not all there, and left out"
+
+
+def asked(wanted: bool | Collection[str], columns: Iterable[str]) -> list[str]:
+    """Those of the columns of a progress.csv that `wanted` names."""
+    return [name for name in columns if wanted is True or name in (wanted or ())]
+
+
+def _check_end(content: bytes, header: Sequence[str], result: Mapping[str, Any]) -> None:
+    """Raises ValueError where progress.csv, of which only the last row is parsed, has another end than result.json."""
+    n_rows = content.count(b"\n") - 1
+    if n_rows != result["epochs"]:
+        raise ValueError(f"it has {n_rows} rows for {result['epochs']} epochs")
+    (last,) = csv.reader([content[:-1].rpartition(b"\n")[2].decode()])
+    found = dict(zip(header, last, strict=False))
+    for name in ("steps", "updates"):
+        if float(found.get(name, "nan")) != result[name]:
+            raise ValueError(f"its last row has {found.get(name)} {name}, result.json {result[name]}")
+
+
+def _check_progress(rows: pd.DataFrame) -> None:
+    if rows.empty:
+        raise ValueError("it has no rows")
+    columns = {name: rows[name].to_numpy() for name in rows}  # pandas takes longer for each of the steps below
+    if text := [name for name, values in columns.items() if values.dtype.kind not in "biuf"]:
+        raise ValueError(f"its column {text[0]} does not hold numbers")
+    if (columns["epoch"] != np.arange(1, len(rows) + 1)).any():
+        raise ValueError("its epochs do not count from 1")
+    if not np.isfinite(columns["seconds"]).all() or (np.diff(columns["seconds"], prepend=0) < 0).any():
+        raise ValueError("its seconds are not all numbers that rise from 0")
+    if infinite := [name for name, values in columns.items() if np.isinf(values).any()]:
+        raise ValueError(f"its column {infinite[0]} has a number that is not finite")

@@ -1,0 +1,269 @@
+"""What `curiobench submit-check` asks of runs: the protocol's tests and options, possible numbers, unaltered code.
+
+Each rule gives the faults that it finds in a submission beside a reference, or raises `Skipped`.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.analysis.frames import IDENTITY, METHOD_ORDER
+from curiobench.analysis.submission import (
+    Fault,
+    Reference,
+    Skipped,
+    Submission,
+    examine,
+    goals_in,
+    read_submission,
+    reference,
+    rule,
+    task_and_robot,
+)
+from curiobench.check import Finding
+from curiobench.methods.specs import canonical, split
+from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
+from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION
+
+LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change the last bits of a run's numbers
+BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)  # without `+hm`
+SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")  # packages whose other versions call for a warning
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_LARGEST_OPTION = 10**9
+_ROUNDING = 1e-6
+
+
+def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str, list[Finding]]:
+    """Examine whether runs are comparable with the published ones.
+
+    Args:
+        paths: run folders, folders of run folders (such as a grid's), published sets.
+        against: name or path of the published set that is the reference, or "presets"; None for the newest set that
+            comes with this package, or the presets where there is none. Raises ValueError where there is no such set.
+
+    Returns a line that says what is compared with what, and a finding a property.
+    """
+    compared, runs = reference(against), read_submission(paths)
+    methods = ", ".join(dict.fromkeys(runs.results.runs["method"])) or "no method"
+    number = f"{len(runs.records)} run{'s' * (len(runs.records) != 1)}"
+    return f"{number} of {methods}, compared with {compared.name}", examine(runs, compared)
+
+
+@rule("every folder holds one whole run")
+def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Reading the runs has found what is not complete or consistent."""
+    yield from ((fault, "") for fault in runs.results.faults)
+    if runs.results.runs.empty and not runs.results.faults:
+        yield "there is no run", ""
+
+
+@rule("version of the tasks")
+def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Runs that do not record it are of the first, the only one when they were made."""
+    wanted = {v.get("task_version", 1) for _, v in against.runs.versions} if against.runs else {TASK_VERSION}
+    for run, versions in runs.versions:
+        if (found := versions.get("task_version", 1)) not in wanted:
+            yield f"version {found}, not {' or '.join(sorted(map(str, wanted)))}", run
+
+
+@rule("seed of the test episodes")
+def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Of the runs that record it."""
+    found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
+    if not any(seed for _, seed in found):
+        raise Skipped("made by a curiobench that did not write it down yet")
+    yield from ((f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found if seed not in (None, EVALUATION_SEED))
+
+
+@rule("starts of the test episodes")
+def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Goals hold at the start of as many test episodes as those of the protocol's seed."""
+    known = False
+    for run, rows in runs.evaluations.items():
+        kinds = rows[["goal", "bits", "episodes", "episodes_unsatisfied"]].drop_duplicates()
+        for goal, bits, total, unsatisfied in kinds.itertuples(index=False, name=None):
+            if (counts := against.satisfied_starts(runs.configs[run]["task"], total)) is None:
+                continue
+            known, found, wanted = True, total - unsatisfied, counts.get(bits, 0)
+            if found != wanted:
+                yield f"{goal!r} holds at the start of {found} of {total} test episodes, not {wanted}", run
+    if not known:
+        raise Skipped("the protocol's test starts are not on record for this task and number of episodes")
+
+
+@rule("test episodes of a goal")
+def episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """As many as the config says."""
+    for run, rows in runs.evaluations.items():
+        wanted = runs.configs[run].get("episodes_per_goal")
+        wrong = [found for found in rows["episodes"].unique() if found != wanted]
+        yield from ((f"{found} episodes of a goal, not {wanted!r}", run) for found in wrong)
+
+
+@rule("goals")
+def goals(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Names, bits and layers of all goals of the task, and of no other."""
+    for run, rows in runs.evaluations.items():
+        found, wanted = goals_in(rows), against.goals(runs.configs[run]["task"])
+        for odd, what in ((found - wanted, "is none of the task's"), (wanted - found, "is missing")):
+            if wanted and odd:
+                name, bits, layer = min(odd)
+                yield f"goal {name!r}, {bits} in layer {layer}, {what}", run
+
+
+@rule("evaluations when they are due")
+def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Before training, after every `evaluate_every`-th epoch and after the last."""
+    for run, rows in runs.evaluations.items():
+        config = runs.configs[run]
+        if fault := _no_numbers(config, "evaluate_every"):
+            yield fault, run
+            continue
+        last, every, found = config["epochs"], config["evaluate_every"], set(rows["epoch"])
+        lacking = next((epoch for epoch in chain(range(0, last, every), [last]) if epoch not in found), None)
+        if lacking is not None:
+            yield f"no evaluation after epoch {lacking}", run
+        if odd := [epoch for epoch in found if epoch > last or (epoch % every and epoch != last)]:
+            yield f"an unplanned evaluation after epoch {min(odd)}", run
+
+
+@rule("options, apart from the method's own")
+def options(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Those of the reference, but for `LAST_BITS`."""
+    for run, config in runs.configs.items():
+        yield from ((text, run) for name, text in against.unlike(config).items() if name not in LAST_BITS)
+
+
+@rule("steps and updates as the options say")
+def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """As many an epoch."""
+    for run, config in runs.configs.items():
+        fault = _no_numbers(config, "cycles", "worlds", "rollouts", "updates")
+        if not fault and run not in runs.progress:
+            fault = "no rows of progress"
+        if not fault:
+            steps = config["cycles"] * config["worlds"] * config["rollouts"] * EPISODE_STEPS
+            fault = _off(runs.evaluations[run], "steps", steps) or _off(runs.progress[run], "steps", steps)
+            fault = fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"])
+        if fault:
+            yield fault, run
+
+
+def _no_numbers(config: Mapping[str, Any], *names: str) -> str:
+    """What is wrong with options that have to be whole numbers; empty if nothing is."""
+    wrong = [name for name in names if type(config.get(name)) is not int or not 1 <= config[name] <= _LARGEST_OPTION]
+    return f"{wrong[0]} is {config.get(wrong[0])!r:.40}, not a number from 1 to {_LARGEST_OPTION:,}" if wrong else ""
+
+
+def _off(rows: pd.DataFrame, name: str, an_epoch: int) -> str:
+    """Where a counter does not rise by this much every epoch, as text; empty if it does."""
+    for wrong in rows[rows[name] != rows["epoch"].astype(float) * an_epoch].head(1).to_dict("records"):
+        return f"{wrong[name]} {name} after epoch {wrong['epoch']}, not {wrong['epoch'] * an_epoch}"
+    return ""
+
+
+@rule("success in whole episodes")
+def counts(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Shares of whole episodes: successes, and those among them whose goal did not hold at the start."""
+    for run, rows in runs.evaluations.items():
+        satisfied = rows["episodes"] - rows["episodes_unsatisfied"]
+        successes = rows["success"] * rows["episodes"]
+        earned = (rows["success_unsatisfied"] * rows["episodes_unsatisfied"]).where(rows["episodes_unsatisfied"] > 0, 0)
+        sound = (successes - earned).between(-_ROUNDING, satisfied + _ROUNDING)
+        for numbers in (successes, earned):
+            sound &= (numbers - np.rint(numbers)).abs() < _ROUNDING  # not where it is NaN
+        for row in rows[~sound].head(1).to_dict("records"):
+            every = f"{row['success']} of {row['episodes']} episodes"
+            some = f"{row['success_unsatisfied']} of {row['episodes_unsatisfied']} that did not start with the goal"
+            yield f"{row['goal']!r} after epoch {row['epoch']}: {every}, {some}", run
+
+
+@rule(f"{MIN_SEEDS} seeds or more of each method")
+def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """With the same options."""
+    groups = runs.results.runs.groupby(["task", "robot", "method", "variant"], sort=False)["seed"].nunique()
+    for names, found in groups[groups < MIN_SEEDS].items():
+        yield f"{' '.join(filter(None, names))}: {found} of {MIN_SEEDS}", ""
+
+
+@rule("numbers of its own in every run")
+def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """No two runs of a task have the same progress: a copy with another seed in its config is no second run."""
+    first: dict[tuple[str, bytes], str] = {}
+    for run, rows in runs.progress.items():
+        names = [name for name in rows if name not in IDENTITY and not name.startswith("seconds")]
+        key = runs.configs[run]["task"], rows[names].to_numpy(float).tobytes()
+        if first.setdefault(key, run) != run:
+            yield f"the same progress as {first[key]}", run
+
+
+@rule("digest of a method from outside")
+def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """That of one file of each method."""
+    methods = {run: config["method"] for run, config in runs.configs.items()}
+    outside = {run: method for run, method in methods.items() if split(method)[0] not in BUILT_IN}
+    if not outside:
+        raise Skipped("all methods come with curiobench")
+    found = defaultdict(set)
+    for run, versions in runs.versions:
+        digest = str(versions.get("method_sha256", ""))
+        if run in outside and _DIGEST.fullmatch(digest):
+            found[outside[run]].add(digest)
+        elif run in outside:
+            yield f"none of {outside[run]}", run
+    yield from ((f"{len(files)} different files of {method}", "") for method, files in found.items() if len(files) > 1)
+
+
+@rule("unaltered code")
+def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """Code as it is in a commit."""
+    for run, versions in runs.versions:
+        if (commit := str(versions.get("git_commit", ""))).endswith("-dirty"):
+            yield f"made by an altered copy of commit {commit[:12]}", run
+
+
+@rule("commit on record", "warn")
+def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
+    """A package installed without git has none."""
+    for run, versions in runs.versions:
+        if not versions.get("git_commit"):
+            yield f"only the version is known, {versions.get('curiobench', 'unknown')}", run
+
+
+@rule("task and robot are the reference's", "warn")
+def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """The reference has runs of both."""
+    published = set(map(task_and_robot, against.published().configs.values()))
+    for run, config in runs.configs.items():
+        if task_and_robot(config) not in published:
+            lacking = f"{against.name} has no {config['task']} with {config['robot']}"
+            yield f"{lacking}: options are compared with the preset {config['preset']}", run
+
+
+@rule("versions are the reference's", "warn")
+def software(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """Of the packages that decide the numbers, but for the build, such as +cpu."""
+    theirs = against.published().results.runs
+    for name in SOFTWARE:
+        published = set().union(*map(_releases, theirs[name]))
+        for run, version in zip(runs.results.runs["run"], runs.results.runs[name], strict=True):
+            if not _releases(version) <= published:
+                yield f"{name} {version or 'unknown'}, not {' or '.join(sorted(published))}", run
+
+
+def _releases(versions: str) -> set[str]:
+    """Versions, separated by spaces, without their builds; {""} for an unknown one."""
+    return {version.partition("+")[0] for version in versions.split() or [""]}
+
+
+@rule("device and threads are the reference's", "warn")
+def last_bits(runs: Submission, against: Reference) -> Iterator[Fault]:
+    """The options in `LAST_BITS`."""
+    for run, config in runs.configs.items():
+        yield from ((text, run) for name, text in against.unlike(config).items() if name in LAST_BITS)

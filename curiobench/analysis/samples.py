@@ -1,0 +1,165 @@
+"""The runs of a method on a task as arrays: what tables, figures and reports are made from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from curiobench.analysis.frames import Results, place_of
+from curiobench.analysis.options import scale_of
+from curiobench.analysis.statistics import area_under_curve
+
+LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
+GOOD_SUCCESS = 0.8  # mean success over all goals from which a run counts as good; tables have how soon it is there
+_DECIMALS = 9  # scores are rounded to so many, so that equal successes that were summed in another order are a tie
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The runs of one method, and variant of it, on one task.
+
+    S seeds, E evaluations that all of them have, L layers of which the first is all goals together, G goals. The end of
+    a run is its own last evaluation, which is not among the E for partial runs only.
+    """
+
+    task: str
+    method: str
+    variant: str
+    runs: pd.DataFrame  # their rows of `Results.runs`
+    epochs: np.ndarray  # (E,) epochs completed at the evaluations
+    success: np.ndarray  # (S, E, L) mean success over goals
+    learned: np.ndarray  # (S, E, L) learned goals
+    last_success: np.ndarray  # (S, L) as `success`, at each run's end
+    last_learned: np.ndarray  # (S, L) as `learned`, at each run's end
+    area: np.ndarray  # (S,) success over all goals, averaged over all of a run's training
+    reached: np.ndarray  # epochs until a success over all goals of `GOOD_SUCCESS`, of the seeds that had it
+    goal_success: np.ndarray  # (S, G) success of each goal at each run's end
+    goal_learned: np.ndarray  # (S, G) 1 where that goal is learned, 0 elsewhere
+    logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
+
+    @property
+    def n_seeds(self) -> int:
+        """Its number of seeds."""
+        return len(self.runs)
+
+    @property
+    def label(self) -> str:
+        """Method and variant."""
+        return f"{self.method}, {self.variant}" if self.variant else self.method
+
+
+class Untrained(NamedTuple):
+    """What agents can do before they learn, mean over runs: a goal may hold at most starts."""
+
+    learned: float  # goals with success above 80 %
+    success: float  # mean over goals
+
+
+@dataclass(frozen=True, eq=False)
+class TaskSamples:
+    """All samples of a task, in the order that methods have everywhere."""
+
+    task: str
+    runs: pd.DataFrame  # the task's rows of `Results.runs`
+    scale: str  # robot, preset, epochs and steps
+    untrained: Untrained | None  # none where agents were not tested before training
+    goals: tuple[str, ...]  # names of the G goals
+    bits: tuple[str, ...]  # their predicates
+    goal_layers: np.ndarray  # (G,) height of each goal's tallest stack, in blocks
+    sizes: dict[int, int]  # goals of each of the L layers; layer 0 is all goals together
+    steps_per_epoch: float | None  # environment steps; None where runs differ in it
+    samples: tuple[Sample, ...]
+
+
+def task_samples(results: Results) -> list[TaskSamples]:
+    """The samples of each task, tasks by name.
+
+    Raises ValueError without a run, or where runs of a task differ in their goals or share no evaluation.
+    """
+    if results.runs.empty:
+        raise ValueError("no run to draw" + "".join(f"; {fault}" for fault in results.faults))
+    return [_of_task(str(task), runs, results) for task, runs in results.runs.groupby("task")]
+
+
+def _of_task(task: str, runs: pd.DataFrame, results: Results) -> TaskSamples:
+    evaluations, layers, progress = (
+        frame[frame["task"] == task] for frame in (results.evaluations, results.layers, results.progress)
+    )
+    goals = evaluations[evaluations["run"] == runs["run"].iloc[0]].drop_duplicates("bits")
+    sizes = {int(layer): int(size) for layer, size in layers.groupby("layer")["goals"].first().items()}
+    groups = {key: rows for key, rows in runs.groupby(["method", "variant"])}
+    samples = []
+    for key in sorted(groups, key=lambda key: (place_of(key[0]), key[1])):
+        names = list(groups[key]["run"])
+        curves = _curves(names, layers, list(sizes))
+        ends = _ends(names, evaluations, list(goals["bits"]))
+        logged = {column: _logged(names, progress, column) for column in LOGGED}
+        samples.append(Sample(task, *key, groups[key], *curves, *ends, logged))
+    before = layers[(layers["epoch"] == 0) & (layers["layer"] == 0)]
+    return TaskSamples(
+        task=task,
+        runs=runs,
+        scale=scale_of(runs),
+        untrained=Untrained(*(float(before[name].mean()) for name in Untrained._fields)) if len(before) else None,
+        goals=tuple(map(str, goals["goal"])),
+        bits=tuple(map(str, goals["bits"])),
+        goal_layers=goals["layer"].to_numpy(int),
+        sizes=sizes,
+        steps_per_epoch=_steps_per_epoch(runs),
+        samples=tuple(samples),
+    )
+
+
+def _curves(runs: Sequence[str], frame: pd.DataFrame, layers: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """The fields of a sample from `epochs` to `reached`."""
+    names = frame["run"].astype("category").cat
+    place = pd.Index(runs).get_indexer(names.categories)  # of each category among the runs, -1 for those of others
+    seed = place[names.codes]
+    frame, seed = frame[seed >= 0], seed[seed >= 0]
+    epoch, layer = frame["epoch"].to_numpy(int), np.searchsorted(layers, frame["layer"].to_numpy(int))
+    epochs = np.flatnonzero(np.bincount(epoch))
+    grid = np.full((2, len(runs), len(epochs), len(layers)), np.nan)
+    grid[:, seed, np.searchsorted(epochs, epoch), layer] = frame[["success", "learned"]].to_numpy(float).T
+    known = ~np.isnan(grid[0]).any(axis=-1)  # (S, E)
+    if not (common := known.all(axis=0)).any():
+        raise ValueError(f"the runs {', '.join(runs)} have no evaluation of all goals in common")
+    last_success, last_learned = grid[:, np.arange(len(runs)), len(epochs) - 1 - known[:, ::-1].argmax(axis=1)]
+    scores = [_over_training(epochs[own], values[own, 0]) for own, values in zip(known, grid[0], strict=True)]
+    area, reached = np.array(scores).T
+    return epochs[common], *grid[:, :, common], last_success, last_learned, area, reached[~np.isnan(reached)]
+
+
+def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, float]:
+    """Mean success over training, and the first epoch with good success, from `(E,)` evaluations of one run."""
+    success = np.round(success, _DECIMALS)
+    good = epochs[success >= GOOD_SUCCESS]
+    return np.round(area_under_curve(epochs, success), _DECIMALS), good[0] if len(good) else np.nan
+
+
+def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: Sequence[str]) -> list[np.ndarray]:
+    """`goal_success` and `goal_learned` of a sample."""
+    rows = evaluations.loc[evaluations["run"].isin(runs), ["run", "epoch", "bits", "success", "learned"]]
+    rows = rows.astype({"run": str, "bits": str})
+    rows = rows[rows["epoch"] == rows.groupby("run")["epoch"].transform("max")]
+    tables = [rows.pivot(index="run", columns="bits", values=name).reindex(runs) for name in ("success", "learned")]
+    if set(tables[0].columns) != set(goals) or tables[0].isna().to_numpy().any():
+        raise ValueError(f"the runs {', '.join(runs)} have other goals than the first run of their task")
+    return [table[goals].to_numpy(float) for table in tables]
+
+
+def _logged(runs: Sequence[str], progress: pd.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Epochs (P,) of which all runs have a value in a column of progress.csv, and the values (S, P)."""
+    if column not in progress:
+        return np.empty(0, int), np.empty((len(runs), 0))
+    rows = progress.loc[progress["run"].isin(runs), ["run", "epoch", column]].astype({"run": str})
+    table = rows.pivot(index="run", columns="epoch", values=column).reindex(runs).dropna(axis="columns")
+    return table.columns.to_numpy(int), table.to_numpy(float)
+
+
+def _steps_per_epoch(runs: pd.DataFrame) -> float | None:
+    known = runs[runs["epoch"] > 0]
+    steps = (known["steps"] / known["epoch"]).to_numpy(float)
+    return float(steps[0]) if len(steps) and np.allclose(steps, steps[0], rtol=1e-3) else None

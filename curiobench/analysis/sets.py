@@ -1,0 +1,94 @@
+"""Reading a published set: the frames of `Results` as csv files, checked like those of run folders."""
+
+import json
+import zlib
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, check_sums
+from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check
+from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
+from curiobench.run_folder import PACKAGES
+
+MAX_ROWS = 20_000_000  # rows that are read of a file at most: a compressed one may be far larger than it looks
+_TEXT = (
+    *("run", "machine", *PACKAGES, "python"),
+    *("git_commit", "method_sha256", "created", "finished", "command", "config"),
+)
+_NUMBERS = ("epoch", "steps", "updates", "hours", "peak_memory_mb")
+
+
+def read_set(folder: Path, every_goal: bool = True) -> list[Run]:
+    """The runs of a published set, with every evaluation of each, or the last.
+
+    Raises ValueError, which names the folder, where a file is damaged or lacks a column, or the files disagree.
+    """
+    try:
+        return _read(folder, every_goal)
+    except (ValueError, KeyError, OverflowError, EOFError, RecursionError, zlib.error) as error:
+        raise ValueError(f"{folder}: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise ValueError(f"{folder}: cannot read it: {error}") from None
+
+
+def _read(folder: Path, every_goal: bool) -> list[Run]:
+    check_sums(folder)
+    runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
+    types = dict.fromkeys(_TEXT, str) | dict.fromkeys(_NUMBERS, float) | {"complete": bool}
+    heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), types)
+    rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str, "bits": str})
+    details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | PROGRESS_DTYPES)
+    if heads["run"].duplicated().any():
+        raise ValueError("a run is in runs.csv twice")
+    if odd := [name for name in heads["run"] if PurePosixPath(name).name != name]:
+        raise ValueError(f"{odd[0]!r} in runs.csv is no name of a run")
+    if strangers := (set(rows["run"]) | set(details["run"])) - set(heads["run"]):
+        raise ValueError(f"{min(strangers)!r} has rows, but is not in runs.csv")
+    rows_of, details_of = dict(list(rows.groupby("run"))), dict(list(details.groupby("run")))
+    return [
+        _run(folder, row, rows_of.get(row["run"]), details_of.get(row["run"]), every_goal)
+        for row in heads.to_dict("records")
+    ]
+
+
+def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.DataFrame:
+    frame = pd.read_csv(path, dtype=dtypes, nrows=MAX_ROWS + 1, low_memory=False)
+    if len(frame) > MAX_ROWS:
+        raise ValueError(f"{path.name} has more than {MAX_ROWS:,} rows")
+    if lacking := [name for name in required if name not in frame]:
+        raise ValueError(f"{path.name} has no column {', '.join(lacking)}")
+    text = [name for name in frame if dtypes.get(name) is str]
+    return frame.assign(**{name: frame[name].fillna("") for name in text})
+
+
+def _run(
+    folder: Path, row: dict[str, Any], rows: pd.DataFrame | None, details: pd.DataFrame | None, every_goal: bool
+) -> Run:
+    """A run from its row of runs.csv, and its rows of the other two files."""
+    config, name = check_config(json.loads(row["config"])), row["run"]
+    if rows is None:
+        raise ValueError(f"{name} has no evaluation")
+    evaluations, layers = check(rows, config["task"])
+    epoch, steps = (int(layers[column].iloc[-1]) for column in ("epoch", "steps"))
+    if not every_goal:
+        evaluations = evaluations[evaluations["epoch"] == epoch]
+    if row["complete"] and epoch != config["epochs"]:
+        raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
+    for column in _NUMBERS:
+        if not (0 <= row[column] < LARGEST_NUMBER or (np.isnan(row[column]) and not row["complete"])):
+            raise ValueError(f"{column} of {name} is {row[column]}, which cannot be")
+    values = columns_of(config) | {column: row[column] for column in _TEXT[1:]}
+    values |= {"complete": row["complete"], "epoch": epoch, "steps": steps, "updates": int(row["updates"])}
+    values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
+    file = folder / CONFIGS / f"{name}.json"
+    progress = pd.DataFrame() if details is None else _own_columns(details)
+    return Run(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)
+
+
+def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of one run's progress.csv, without the columns that only other methods have."""
+    given = rows.drop(columns=["task", "method", "variant", "seed", "run"], errors="ignore")
+    return given.dropna(axis="columns", how="all").reset_index(drop=True)

@@ -1,0 +1,137 @@
+"""How methods look and are called in every figure, and how all figures of results look.
+
+A curiosity method has one colour, solid with the hybrid mechanism, dashed without. The colours are Okabe and Ito's
+(2008), which differ for colour-blind readers too.
+"""
+
+import textwrap
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from curiobench.methods.specs import canonical, split
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from curiobench.analysis.samples import Sample
+
+COLOURS = {"sac": "#000000", "icm": "#E69F00", "rnd": "#56B4E9", "dac": "#CC79A7", "re3": "#009E73", "mi": "#D55E00"}
+"""Colours of the built-in methods by spec, without `+hm`."""
+OUTSIDE = ("#0072B2", "#7F7F7F")
+"""Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""
+GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
+"""Look of the lines that one line is seen against."""
+TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
+TEXT, SMALL = 9, 7.5  # sizes of labels, and of ticks, legends and captions, in points
+
+_MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P"}
+_OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")
+
+
+def line_style(spec: str) -> dict[str, str]:
+    """Colour and line style of a method spec, as keywords of `Axes.plot`."""
+    name, hybrid = split(canonical(spec))
+    colour = COLOURS.get(name) or OUTSIDE[zlib.crc32(name.encode()) % len(OUTSIDE)]
+    return {"color": colour, "linestyle": "-" if hybrid or name == "sac" else "--"}
+
+
+def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
+    """Keywords of `Axes.plot` for each sample: its method's colour and dashes, and a marker.
+
+    The marker is the method's; where two samples would look the same, the later one gets another. It is filled with
+    the hybrid mechanism.
+    """
+    found: dict[Sample, dict[str, Any]] = {}
+    taken: set[tuple[str, str, str]] = set()
+    for sample in samples:
+        look = line_style(sample.method)
+        own = _MARKERS.get(base(sample.method))
+        keys = [(look["color"], look["linestyle"], marker) for marker in ([own] if own else []) + [*_OTHER_MARKERS]]
+        key = next((key for key in keys if key not in taken), keys[0])
+        taken.add(key)
+        filled = look["color"] if look["linestyle"] == "-" else "white"
+        found[sample] = {**look, "marker": key[2], "markerfacecolor": filled, "markeredgewidth": 1}
+    return found
+
+
+def labels(samples: Sequence["Sample"]) -> dict["Sample", str]:
+    """What to call each sample: the method, the variant, and the number of seeds where samples differ in it.
+
+    Methods from outside that would share a name keep their full spec.
+    """
+    known = Counter(method_name(spec) for spec in {sample.method for sample in samples})
+    differ = len({sample.n_seeds for sample in samples}) > 1
+    found = {}
+    for sample in samples:
+        name = method_name(sample.method)
+        text = name if known[name] == 1 else sample.method
+        text += f", {sample.variant}" if sample.variant else ""
+        found[sample] = f"{text} ({count(sample.n_seeds, 'seed')})" if differ else text
+    return found
+
+
+def method_name(spec: str) -> str:
+    """A method's name in figures: its spec, of which `package.module:Class` keeps the class."""
+    return spec.rpartition(":")[2]
+
+
+def base(spec: str) -> str:
+    """The curiosity method in a spec, without the hybrid mechanism: `mi` for `mihm`."""
+    return split(canonical(spec))[0]
+
+
+def count(number: int, noun: str) -> str:
+    """A number of things: "1 run", "27 runs"."""
+    return f"{number:,} {noun}" + "s" * (number != 1)
+
+
+def seeds_in_words(samples: Sequence["Sample"]) -> str:
+    """Numbers of seeds: "2 seeds", "1 to 3 seeds"."""
+    low, high = (end(sample.n_seeds for sample in samples) for end in (min, max))
+    return count(low, "seed") if low == high else f"{low} to {count(high, 'seed')}"
+
+
+def layer_in_words(layer: int) -> str:
+    """A layer in words, as the paper names its panels: "two layers"; "all goals" for 0."""
+    return f"{('no', 'one', 'two', 'three', 'four', 'five')[layer]} layer{'s' * (layer > 1)}" if layer else "all goals"
+
+
+def preload() -> None:
+    """Import what figures need, which takes a second."""
+    import matplotlib.backends.backend_agg
+    import matplotlib.backends.backend_pdf  # noqa: F401
+    import seaborn  # noqa: F401
+
+
+@contextmanager
+def theme() -> Iterator[None]:
+    """Seaborn's theme for paper with our sizes, while it lasts."""
+    import matplotlib
+    import seaborn
+
+    ours = {
+        "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib; seaborn's Arial is not on every machine
+        **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize"), TEXT),
+        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), SMALL),
+        "legend.frameon": False,
+        "axes.titlelocation": "left",
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "lines.linewidth": 1.3,
+        "lines.markersize": 4,
+        "pdf.fonttype": 42,
+        "svg.hashsalt": "curiobench",
+        "text.parse_math": False,  # names of goals and options come from files
+    }
+    context = seaborn.plotting_context("paper")
+    with matplotlib.rc_context({**seaborn.axes_style("ticks"), **context, **ours}):
+        yield
+
+
+def caption(figure: "Figure", text: str) -> None:
+    """Write what the figure shows below it, in small grey lines."""
+    lines = textwrap.fill(text, round(19 * figure.get_figwidth()))
+    figure.supxlabel(lines, fontsize=SMALL - 0.5, color="0.35", x=0.01, ha="left")

@@ -1,0 +1,206 @@
+"""Runs that somebody submits, what they are compared with, and how the rules of rules.py are tried on them.
+
+The rules do not lean on each other: runs that break one fail one line. What cannot be read at all fails the first, and
+is not examined further.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from curiobench.analysis.folders import available
+from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, load, read_results
+from curiobench.analysis.rows import LARGEST_LISTED_TASK
+from curiobench.analysis.runs import versions_of
+from curiobench.check import Finding
+from curiobench.files import read_json
+from curiobench.options import flatten
+from curiobench.presets import PRESETS, preset
+from curiobench.protocol import satisfied_starts
+from curiobench.tasks.goals import goal_space
+from curiobench.tasks.registration import n_blocks_of
+
+PRESETS_ONLY = "presets"  # name of the reference that is no published set
+_MOST_FAULTS, _MOST_RUNS = 10, 3
+"""Different faults of one property that are named, and runs of each; the others are counted."""
+
+PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "preset", "task", "robot"})
+"""Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
+
+Fault = tuple[str, str]  # what is wrong, and the run in which it is; no run where it is about several
+
+
+class Skipped(Exception):
+    """A rule does not apply; says why."""
+
+
+@dataclass(frozen=True)
+class Submission:
+    """Runs to examine."""
+
+    results: Results
+    records: Mapping[str, Mapping[str, Any]]  # what config.json holds, by run
+
+    @cached_property
+    def configs(self) -> dict[str, dict[str, Any]]:
+        """Options by run."""
+        runs = self.results.runs
+        return {run: json.loads(text) for run, text in zip(runs["run"], runs["config"], strict=True)}
+
+    @cached_property
+    def evaluations(self) -> dict[str, pd.DataFrame]:
+        """Rows of evaluations.csv by run."""
+        return _by_run(self.results.evaluations)
+
+    @cached_property
+    def progress(self) -> dict[str, pd.DataFrame]:
+        """Rows of progress.csv by run."""
+        return _by_run(self.results.progress)
+
+    @cached_property
+    def versions(self) -> list[tuple[str, dict[str, str | int]]]:
+        """A run and the software that it records, once for its start and for each time it was made longer."""
+        return [
+            (run, {name: value for name, value in versions.items() if isinstance(value, str | int)})
+            for run, record in self.records.items()
+            for versions in versions_of(record)
+        ]
+
+
+def _by_run(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    return {str(run): rows for run, rows in frame.groupby("run", observed=True, sort=False)}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a submission is compared with: published runs, or the presets alone."""
+
+    name: str
+    runs: Submission | None = None
+
+    def published(self) -> Submission:
+        """The published runs; raises Skipped where there are none."""
+        if self.runs is None:
+            raise Skipped("no published set to compare with")
+        return self.runs
+
+    def rows(self, task: str) -> pd.DataFrame:
+        """Evaluations of a task; none without published runs."""
+        rows = self.runs.results.evaluations if self.runs else pd.DataFrame(columns=list(EVALUATION_COLUMNS))
+        return rows[rows["task"] == task]
+
+    def goals(self, task: str) -> set[tuple[str, str, int]]:
+        """Name, bits and layer of each goal of a task; empty where they are not known."""
+        if n_blocks_of(task) > LARGEST_LISTED_TASK:
+            return goals_in(self.rows(task).drop_duplicates("bits"))
+        space = goal_space(n_blocks_of(task))
+        return set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
+
+    def satisfied_starts(self, task: str, total: int) -> dict[str, int] | None:
+        """Of how many of the test episodes the goal holds at the start, by its bits; None where that is not known."""
+        if (counts := satisfied_starts(task, total)) is not None:
+            return counts
+        rows = self.rows(task)
+        rows = rows[rows["episodes"] == total].drop_duplicates("bits")
+        counts = dict(zip(rows["bits"], rows["episodes"] - rows["episodes_unsatisfied"], strict=True))
+        return counts or None
+
+    def unlike(self, config: Mapping[str, Any]) -> dict[str, str]:
+        """What differs from the most alike run of the same task and robot, or from the preset, in words by option."""
+        published = self.runs.configs.values() if self.runs else ()
+        alike = [other for other in published if task_and_robot(other) == task_and_robot(config)]
+        if not alike and config["preset"] not in PRESETS:
+            return {"preset": f"there is no preset {config['preset']!r}, only {', '.join(PRESETS)}"}
+        alike = alike or [preset(config["preset"], config["task"]).to_json()]
+        return min((_differences(_protocol(config), _protocol(other)) for other in alike), key=len)
+
+
+def goals_in(rows: pd.DataFrame) -> set[tuple[str, str, int]]:
+    """Name, bits and layer of each goal in rows of evaluations."""
+    return set(rows[["goal", "bits", "layer"]].itertuples(index=False, name=None))
+
+
+def task_and_robot(config: Mapping[str, Any]) -> tuple[str, str]:
+    """What runs that are compared have in common."""
+    return config["task"], config["robot"]
+
+
+def _protocol(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that a submission may not change, by dotted name."""
+    return flatten({name: value for name, value in config.items() if name not in PERSONAL})
+
+
+def _differences(own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, str]:
+    """What differs, as "epochs is 10, not 20", by option."""
+    found = {}
+    for name in {**other, **own}:
+        if name not in other:
+            found[name] = f"{name!r:.60} is no option"
+        elif name not in own or own[name] != other[name]:
+            value = f"{own[name]!r:.60}" if name in own else "missing"
+            found[name] = f"{name} is {value}, not {other[name]!r}"
+    return found
+
+
+Rule = Callable[[Submission, Reference], Iterable[Fault]]
+RULES: list[tuple[str, str, Rule]] = []
+"""What holds of a good submission, what a fault comes to (FAIL or warn), and the rule; in the order of the report."""
+
+
+def rule(property: str, verdict: str = "FAIL") -> Callable[[Rule], Rule]:
+    """Adds a function to the rules."""
+
+    def add(function: Rule) -> Rule:
+        RULES.append((property, verdict, function))
+        return function
+
+    return add
+
+
+def read_submission(paths: Sequence[Path]) -> Submission:
+    """The runs at paths; its faults name those that cannot be used."""
+    return _with_records(read_results(paths))
+
+
+def reference(against: str | None) -> Reference:
+    """What runs are compared with; raises ValueError where there is no such set, or it is damaged."""
+    name = against or (available() or [PRESETS_ONLY])[-1]
+    return Reference("the presets") if name == PRESETS_ONLY else Reference(name, _with_records(load(name)))
+
+
+def _with_records(results: Results) -> Submission:
+    return Submission(results, {run: read_json(file) for run, file in results.checked_config_files().items()})
+
+
+def examine(runs: Submission, against: Reference) -> list[Finding]:
+    """Try every rule; where there is no run, all but the first are skipped."""
+    if runs.results.runs.empty:
+        others = [Finding(property, "skip", "there is no run to examine") for property, _, _ in RULES[1:]]
+        return [_finding(*RULES[0], runs, against), *others]
+    return [_finding(*entry, runs, against) for entry in RULES]
+
+
+def _finding(property: str, verdict: str, rule: Rule, runs: Submission, against: Reference) -> Finding:
+    """What one property comes to; runs with the same fault are named together."""
+    where: dict[str, list[str]] = {}
+    try:
+        for fault, run in rule(runs, against):
+            where.setdefault(fault, []).append(run)
+    except Skipped as reason:
+        return Finding(property, "skip", str(reason))
+    lines = [fault + _named(names) for fault, names in where.items()]
+    if len(lines) > _MOST_FAULTS:
+        lines[_MOST_FAULTS:] = [f"and {len(lines) - _MOST_FAULTS} more"]
+    return Finding(property, verdict if lines else "pass", "; ".join(lines))
+
+
+def _named(runs: Iterable[str]) -> str:
+    """The runs behind a fault, in brackets."""
+    names = list(dict.fromkeys(filter(None, runs)))
+    more = f" and {len(names) - _MOST_RUNS} more" if len(names) > _MOST_RUNS else ""
+    return f" ({', '.join(names[:_MOST_RUNS])}{more})" if names else ""

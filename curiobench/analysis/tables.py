@@ -1,0 +1,174 @@
+"""Tables of results: their rows and columns. How they are written is the business of formats.py."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from curiobench.analysis.frames import Results
+from curiobench.analysis.options import cautions, hour_digits
+from curiobench.analysis.samples import GOOD_SUCCESS
+from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
+from curiobench.analysis.summaries import Estimate, Summary, Value, key_of
+
+CLOCK = "hours are of the clock, also where runs shared their machine with other work"
+RARE = 100  # a chance of one in so many, or less, is not worth a note
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table."""
+
+    key: str  # name in csv files
+    heading: str  # name elsewhere
+    digits: int = 2  # decimals, except in csv files
+    contest: bool = False  # more is better: the best value is set in bold if its interval lies above all others
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; `None` in a row is printed as a dash."""
+
+    title: str  # what it shows
+    columns: tuple[Column, ...]  # its columns, names first
+    rows: tuple[dict[str, Value], ...]  # values by column
+    notes: tuple[str, ...] = ()  # lines below it
+
+    def best(self, column: Column) -> int | None:
+        """Row of the value that is better than all others beyond doubt; None where there is none, or too few seeds."""
+        values = [row.get(column.key) for row in self.rows]
+        if not column.contest or len(values) < 2:
+            return None
+        if min(row.get("seeds", ENOUGH_SEEDS) for row in self.rows) < ENOUGH_SEEDS:
+            return None  # intervals of so few seeds miss the truth too often
+        if not all(isinstance(value, Estimate) and value.has_interval for value in values):
+            return None
+        first = max(range(len(values)), key=lambda i: values[i].value)
+        others = [value.high for i, value in enumerate(values) if i != first]
+        return first if values[first].low > max(others) else None
+
+
+def method_tables(summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
+    """Three tables a task, of summaries with this baseline: learned goals, success and cost, with a row a sample."""
+    groups = groupby(summaries, key=lambda summary: summary.task)
+    return [table for _, group in groups for table in _tables_of_task(list(group), baseline)]
+
+
+def interval_notes(summaries: Sequence[Summary]) -> list[str]:
+    """What the brackets are, if there are any, and whether there are too few seeds to conclude from them."""
+    sizes = [(summary.sample.label, summary.sample.n_seeds) for summary in summaries]
+    brackets = ["[ ] 95 % bootstrap interval over seeds"] if max(size for _, size in sizes) > 1 else []
+    return brackets + seed_warnings(sizes)
+
+
+def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
+    task = summaries[0].task
+    goals, before = task.sizes, task.untrained
+    learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {n})", 1, contest=True) for k, n in goals.items() if k]
+    learned.append(Column("learned", f"total (of {goals[0]})", 1, contest=True))
+    success = [
+        Column("middle_success", "IQM of final success", contest=True),
+        Column("success", "final success", contest=True),
+        Column("area", "success over training", contest=True),
+        Column("epochs_to_good", f"epochs to {GOOD_SUCCESS}"),
+    ]
+    if any(summary.values["better"] is not None for summary in summaries):
+        success.append(Column("better", f"P(final > {baseline})"))
+        success.append(Column("better_area", f"P(over training > {baseline})"))
+    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
+    hours = Column("hours", "hours a run", hour_digits(min(row["hours"] for row in rows)))
+    cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
+    brackets = interval_notes(summaries)
+    of_learned = [] if before is None else [f"before training: {before.learned:.1f} of {goals[0]} goals"]
+    of_success = [] if before is None else [f"before training: success {before.success:.2f}"]
+    of_success += [*brackets, *_comparison_notes(summaries, baseline)]
+    return [
+        Table(f"{task.task}: learned goals", (*names, *learned), rows, (task.scale, *of_learned, *brackets)),
+        Table(f"{task.task}: success", (*names, *success), rows, (task.scale, *of_success)),
+        Table(f"{task.task}: cost", (*names, *cost), rows, (CLOCK, *cautions(task.runs))),
+    ]
+
+
+def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
+    """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
+    others = [summary for summary in summaries if summary.sample.method != baseline]
+    notes = []
+    missing = [summary.sample.method for summary in others if summary.values["better"] is None]
+    if missing and len(summaries) > 1:
+        which = "" if len(missing) == len(others) else f"{', '.join(dict.fromkeys(missing))} "
+        notes.append(f"{which}not compared: that takes two seeds each, and runs of {baseline} of the same length")
+    of_baseline = [summary.sample.n_seeds for summary in summaries if summary.sample.method == baseline]
+    compared = [(s.sample.n_seeds, s.values[key]) for s in others for key in ("better", "better_area")]
+    sizes = [size for size, estimate in compared if estimate is not None and estimate.value in (0, 1)]
+    if sizes and of_baseline:
+        chance = math.comb(min(sizes) + min(of_baseline), min(sizes)) // 2
+        if chance < RARE:
+            notes.append(
+                f"P of 0 or 1 has no interval; with so few seeds, one in {chance} comparisons of equals gives it"
+            )
+    return notes
+
+
+def layer_name(layer: int) -> str:
+    """Heading of a layer."""
+    return "1 layer" if layer == 1 else f"{layer} layers"
+
+
+def name_columns(summaries: Sequence[Summary]) -> list[Column]:
+    """The first columns of a table of methods."""
+    variant = [Column("variant", "options")] if any(summary.sample.variant for summary in summaries) else []
+    return [Column("method", "method"), *variant, Column("seeds", "seeds", 0)]
+
+
+def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
+    """All numbers of `method_tables` in one table for csv files, with one row a task, method and variant."""
+    layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
+    keys = [
+        *("task", "method", "variant", "seeds", "epochs", "goals", "learned"),
+        *(f"{part}_{layer}" for layer in layers for part in ("goals", "learned")),
+        *("middle_success", "success", "area", "epochs_to_good", "seeds_good", "baseline", "better", "better_area"),
+        *("hours", "memory", "machine"),
+    ]
+    rows = []
+    for summary in summaries:
+        reached, epochs = summary.sample.reached, sorted(set(summary.sample.runs["epoch"].tolist()))
+        goals = {key_of("goals", layer): number for layer, number in summary.task.sizes.items()}
+        flat = {"task": summary.task.task, "epochs": " ".join(map(str, epochs)), "seeds_good": len(reached)}
+        flat |= {"epochs_to_good": float(reached.mean()) if len(reached) else None}
+        flat |= {"baseline": None if summary.values["better"] is None else baseline}
+        rows.append(summary.values | goals | flat)
+    return Table("", tuple(Column(key, key) for key in keys), tuple(rows))
+
+
+def run_table(results: Results, flat: bool = False) -> Table:
+    """A row a run, of which there is at least one: what it is, how far it has come, and its learned goals.
+
+    `flat` gives it the columns for csv files.
+    """
+    ends = {run: rows.to_dict("records") for run, rows in results.layers.groupby("run", observed=True)}
+    rows = [_run_row(run, ends[run["run"]], flat) for run in results.runs.to_dict("records")]
+    layers = sorted(set(results.layers["layer"]) - {0})
+    names = ["run", "task", "method", "variant", "seed"]
+    if not flat and not results.runs["variant"].any():
+        names.remove("variant")
+    columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in names]
+    layers.append(0)
+    if flat:
+        goals = [key_of(name, layer) for layer in layers for name in ("learned", "goals")]
+        columns += [Column(name, name) for name in ("epoch", "epochs", "complete", *goals)]
+    else:
+        learned = [Column(key_of("learned", layer), layer_name(layer) if layer else "total") for layer in layers]
+        columns += [Column("epoch", "epoch"), *learned]
+    return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), tuple(rows))
+
+
+def _run_row(run: dict[str, Any], layers: list[dict[str, Any]], flat: bool) -> dict[str, Value]:
+    row = dict(run)
+    for found in (layer for layer in layers if layer["epoch"] == run["epoch"]):
+        learned, goals = (key_of(name, found["layer"]) for name in ("learned", "goals"))
+        row |= {learned: found["learned"] if flat else f"{found['learned']}/{found['goals']}", goals: found["goals"]}
+        row.setdefault("success", found["success"])  # the first layer is all goals together
+    if flat:
+        return row | {"complete": int(run["complete"])}
+    return row | {"epoch": f"{run['epoch']}" + f" of {run['epochs']}" * (run["epoch"] != run["epochs"])}

@@ -1,5 +1,0 @@
-"""Results: runs as frames, statistics, tables, figures and reports; `load` gives the published sets."""
-
-from curiobench.results.published import available, load
-
-__all__ = ["available", "load"]

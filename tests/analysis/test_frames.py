@@ -1,0 +1,602 @@
+"""Frames: what the runs hold, and every folder that is missing, partial, duplicate, foreign or damaged is named."""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
+
+from curiobench.analysis import folders, frames, rows
+from curiobench.analysis.folders import PUBLISHED_FILES, SUMS
+from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, place_of, read_results
+from curiobench.tasks.goals import goal_space
+
+
+def edit(path, change):
+    """Replace a JSON file's content by what `change` makes of it."""
+    values = json.loads(path.read_text())
+    change(values)
+    path.write_text(json.dumps(values))
+
+
+def one_fault(results):
+    assert len(results.faults) == 1
+    return results.faults[0]
+
+
+def test_frames_hold_the_runs(make_runs, tmp_path):
+    make_runs(tasks=("stack3", "stack2"), methods=("mihm", "sac", "pkg.mod:Mine+hm"), seeds=2, epochs=3)
+    results = read_results([tmp_path / "runs"])
+    assert results.faults == results.absent == ()
+    runs = results.runs
+    assert tuple(runs.columns) == RUN_COLUMNS
+    assert [tuple(row) for row in runs[["task", "method", "seed"]].values] == [
+        (task, method, seed)
+        for task in ("stack2", "stack3")
+        for method in ("sac", "mihm", "pkg.mod:Mine+hm")
+        for seed in (0, 1)
+    ]
+    first = runs.iloc[0]
+    assert (first["run"], first["variant"], first["complete"], first["epoch"]) == ("stack2-sac-0", "", True, 3)
+    assert (first["steps"], first["updates"], first["hours"]) == (3_000, 30, 3 * 36 / 3600)
+    assert first["command"].startswith("curiobench train --task stack2 --method sac")
+    assert json.loads(first["config"])["sac"]["gamma"] == 0.95
+
+    rows = results.evaluations
+    assert tuple(rows.columns) == EVALUATION_COLUMNS
+    assert len(rows) == 6 * 4 * (4 + 35)
+    of_run = rows[(rows["run"] == "stack3-mihm-1") & (rows["epoch"] == 2)]
+    assert list(of_run["goal"]) == list(goal_space(3).names)
+    assert set(of_run["steps"]) == {2 * STEPS_AN_EPOCH}
+    assert set(of_run["episodes"]) == {EPISODES}
+    assert list(of_run["bits"])[1] == "100000000"
+    assert (of_run["learned"] == (of_run["success"] > 0.8)).all()
+
+    progress = results.progress
+    assert len(progress) == 6 * 2 * 3
+    assert progress[progress["method"] == "sac"]["share_exploitation"].isna().all()
+    assert progress[progress["method"] == "mihm"]["share_exploitation"].notna().all()
+
+
+def test_layers_are_means_over_goals(make_runs):
+    results = read_results(make_runs(tasks=("stack3",), methods=("sac",), seeds=1))
+    rows, layers = results.evaluations, results.layers
+    for epoch in (0, 4):
+        for layer in (0, 1, 2, 3):
+            goals = rows[(rows["epoch"] == epoch) & ((rows["layer"] == layer) | (layer == 0))]
+            found = layers[(layers["epoch"] == epoch) & (layers["layer"] == layer)].iloc[0]
+            assert (found["goals"], found["learned"]) == (len(goals), goals["learned"].sum())
+            assert found["success"] == pytest.approx(goals["success"].mean())
+            assert found["success_unsatisfied"] == pytest.approx(goals["success_unsatisfied"].mean())
+
+
+def test_reading_less_reads_the_same(make_runs):
+    paths = make_runs(tasks=("stack2", "stack3"))
+    whole, short = read_results(paths), read_results(paths, every_goal=False, progress=["share_exploitation"])
+    assert short.layers.equals(whole.layers)
+    last = whole.evaluations[whole.evaluations["epoch"] == 4].reset_index(drop=True)
+    assert short.evaluations.equals(last)
+    columns = ["epoch", "steps", "updates", "share_exploitation", "seconds"]
+    assert list(short.progress.columns)[5:] == columns
+    assert set(short.progress["method"]) == {"mihm"}  # no other has the column
+    known = whole.progress[whole.progress["method"] == "mihm"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(short.progress[columns], known[columns])
+    assert read_results(paths, progress=False).progress.empty
+
+
+def test_a_missing_cell_of_a_grid_is_named(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1, grid=True)
+    (first / "config.json").unlink()
+    results = read_results([tmp_path / "runs"])
+    assert one_fault(results) == f"{first} is missing: the grid's stack2 sac seed 0"
+    assert results.absent == ()
+    assert list(results.runs["method"]) == ["mihm"]
+
+
+def test_foreign_folders_of_a_grid_are_named(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1, grid=True)
+    make_runs(methods=("icm",), seeds=1)
+    (tmp_path / "runs" / "notes").mkdir()
+    (tmp_path / "runs" / ".hidden").mkdir()
+    edit(first / "config.json", lambda record: record["config"].update(seed=5))
+    results = read_results([tmp_path / "runs"])
+    assert results.faults == (
+        f"{tmp_path / 'runs' / 'notes'} is foreign: it is no run folder; left out",
+        f"{tmp_path / 'runs' / 'stack2-icm-0'} is foreign: it is a run, but not one of the grid's; left out",
+        f"{first} is foreign: it is stack2 sac seed 5, not the grid's stack2 sac seed 0; left out",
+    )
+    assert list(results.runs["method"]) == ["mihm"]
+
+
+@pytest.mark.parametrize("folder", ["/etc", "../x", "a/../../x", "", "a\nb"])
+def test_a_grid_does_not_reach_out_of_its_folder(make_runs, tmp_path, folder):
+    make_runs(seeds=1)
+    write_grid(tmp_path / "runs", [(folder, "stack2", "sac", 0)])
+    results = read_results([tmp_path / "runs"])
+    assert results.runs.empty
+    assert "a cell is a folder below the grid's" in one_fault(results)
+
+
+@pytest.mark.parametrize(
+    "grid", ["[]", "{}", "nonsense", '{"format": "curiobench grid", "cells": [{"folder": 3}]}', "[" * 100_000]
+)
+def test_a_damaged_grid_is_named(make_runs, tmp_path, grid):
+    make_runs(seeds=1)
+    (tmp_path / "runs" / "grid.json").write_text(grid)
+    results = read_results([tmp_path / "runs"])
+    assert str(tmp_path / "runs" / "grid.json") in one_fault(results)
+    assert results.absent == results.faults
+
+
+def test_partial_runs_are_left_out_unless_asked_for(make_runs, tmp_path):
+    make_runs(methods=("sac",), seeds=2)
+    (partial,) = make_runs(methods=("mihm",), seeds=1, complete=False)
+    results = read_results([tmp_path / "runs"])
+    assert one_fault(results) == f"{partial} is partial: it has no result.json; left out"
+    assert "mihm" not in set(results.runs["method"])
+    results = read_results([tmp_path / "runs"], partial=True)
+    assert results.faults == ()
+    row = results.runs.iloc[-1]
+    assert (row["method"], row["complete"], row["epoch"], row["epochs"]) == ("mihm", False, 4, 8)
+    assert (row["updates"], row["hours"]) == (40, 4 * 36 / 3600)
+
+
+def test_a_run_at_work_may_be_cut_anywhere(make_runs):
+    (path,) = make_runs(methods=("mihm",), seeds=1, complete=False)
+    content = (path / "evaluations.csv").read_bytes()
+    rows = content.splitlines(keepends=True)
+    for end in range(len(b"".join(rows[:5])), len(content), 13):
+        (path / "evaluations.csv").write_bytes(content[:end])
+        results = read_results([path], partial=True)
+        whole = content[:end].count(b"\n") - 1
+        assert len(results.evaluations) == whole // 4 * 4
+        assert len(results.faults) == (0 if content[:end] == b"".join(rows[: 1 + whole // 4 * 4]) else 1)
+    (path / "evaluations.csv").write_bytes(content)
+    progress = (path / "progress.csv").read_bytes()
+    (path / "progress.csv").write_bytes(progress[:-3])
+    results = read_results([path], partial=True)
+    assert one_fault(results) == f"{path / 'progress.csv'}: its last row is not all there, and left out"
+    assert len(results.progress) == 3
+    (path / "progress.csv").unlink()
+    (path / "evaluations.csv").write_bytes(b"".join(rows[:5]))
+    assert read_results([path], partial=True).runs["epoch"].tolist() == [0]
+
+
+def test_duplicates_are_named_and_the_first_is_kept(make_runs, tmp_path):
+    first, second = make_runs(methods=("sac",), seeds=1) + make_runs(methods=("sac",), seeds=1, suffix="-again")
+    edit(second / "config.json", lambda record: record["config"]["machine"].update(threads=8))
+    edit(second / "config.json", lambda record: record["config"]["hybrid"].update(popart_rate=0.5))  # sac has none
+    results = read_results([tmp_path / "runs"])
+    assert one_fault(results) == f"{second} is a duplicate of {first}: the same config; left out"
+    assert list(results.runs["run"]) == ["stack2-sac-0"]
+    # a complete run is no duplicate of one that is damaged, nor of one that is partial
+    (first / "result.json").unlink()
+    assert list(read_results([tmp_path / "runs"]).runs["run"]) == ["stack2-sac-0-again"]
+    assert list(read_results([tmp_path / "runs"], partial=True).runs["run"]) == ["stack2-sac-0-again"]
+
+
+def test_the_same_folder_by_two_paths_is_no_duplicate(make_runs, tmp_path):
+    first, *_ = make_runs()
+    results = read_results([first, tmp_path / "runs", tmp_path / "runs" / ".." / "runs"])
+    assert results.faults == ()
+    assert len(results.runs) == 6
+
+
+def test_runs_of_one_name_are_told_apart(make_runs, tmp_path):
+    make_runs(methods=("sac",), seeds=1)
+    (tmp_path / "runs").rename(tmp_path / "old")
+    make_runs(methods=("sac",), seeds=1, options={"sac.tau": 0.1})
+    results = read_results([tmp_path / "runs", tmp_path / "old"])
+    assert sorted(results.runs["run"]) == ["old/stack2-sac-0", "runs/stack2-sac-0"]
+    assert results.evaluations["run"].nunique() == 2
+
+
+def test_variants_name_the_options_that_differ(make_runs, tmp_path):
+    make_runs(seeds=2)
+    make_runs(methods=("mihm",), seeds=2, options={"sac.tau": 0.1, "method_config.hidden": 8}, suffix="-tau")
+    runs = read_results([tmp_path / "runs"]).runs
+    assert list(dict.fromkeys(zip(runs["method"], runs["variant"], strict=True))) == [
+        ("sac", ""),
+        ("mihm", "sac.tau=0.1, method.hidden=8"),
+        ("mihm", "sac.tau=0.2, method.hidden=128"),
+    ]
+
+
+def test_a_preset_stands_for_its_options(make_runs, tmp_path):
+    make_runs(methods=("sac",), seeds=1)
+    smoke = {"preset": "smoke", "batch_size": 256, "worlds": 32}
+    make_runs(methods=("sac",), seeds=1, options=smoke, suffix="-smoke")
+    make_runs(methods=("sac",), seeds=1, options=smoke | {"robot": "fetch"}, suffix="-fetch")
+    assert list(read_results([tmp_path / "runs"]).runs["variant"]) == [
+        "preset=short",
+        "preset=smoke, robot=fetch",
+        "preset=smoke, robot=gripper",
+    ]
+
+
+def test_methods_from_outside_of_other_files_are_other_methods(make_runs, tmp_path):
+    first, second = make_runs(methods=("pkg.mod:Mine",), seeds=2)
+    edit(first / "config.json", lambda record: record["versions"].update(method_sha256="a" * 64))
+    edit(second / "config.json", lambda record: record["versions"].update(method_sha256="b" * 64))
+    variants = list(read_results([tmp_path / "runs"]).runs["variant"])
+    assert variants == ["method_sha256=aaaaaaaa", "method_sha256=bbbbbbbb"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.update(format="other run"), "its format is 'other run'"),
+        (lambda r: r.update(config_version=99), "its config has version 99; this curiobench reads version 1 only"),
+        (lambda r: r.update(config=[]), "it holds no config"),
+        (lambda r: r["config"].update(task="stack9"), "unknown task 'stack9'"),
+        (lambda r: r["config"].update(robot=["gripper"]), "unknown robot"),
+        (lambda r: r["config"].update(seed=True), "seed is True"),
+        (lambda r: r["config"].update(epochs=0), "epochs is 0"),
+        (lambda r: r["config"].update(method="<b>\n"), "method is '<b>\\n'"),
+        (lambda r: r["config"].update(method=7), "method is 7"),
+        (lambda r: r["config"].update(preset="a b"), "preset is 'a b'"),
+    ],
+)
+def test_foreign_configs_are_named(make_runs, tmp_path, change, message):
+    first, *_ = make_runs(seeds=1)
+    edit(first / "config.json", change)
+    results = read_results([tmp_path / "runs"])
+    assert one_fault(results).startswith(str(first)) or str(first) in one_fault(results)
+    assert message in one_fault(results)
+    assert "\n" not in one_fault(results)
+    assert list(results.runs["method"]) == ["mihm"]
+
+
+def replaced(old, new, count=1):
+    return lambda text: text.replace(old, new, count)
+
+
+DAMAGE = {
+    "half a last row": (lambda text: text[:-20], "its last row is cut off"),
+    "empty": (lambda text: "", "the file is empty"),
+    "only a header": (lambda text: text.splitlines()[0] + "\n", "there is no evaluation yet"),
+    "no column success": (replaced(",success,", ",win,"), "it has no column success"),
+    "success is missing": (replaced("25,0.0", "25,"), "its success is not always a number from 0 to 1"),
+    "success is nan": (replaced("25,0.0", "25,nan"), "its success is not always a number from 0 to 1"),
+    "success is infinite": (replaced("25,0.0", "25,inf"), "its success is not always a number from 0 to 1"),
+    "success is above 1": (replaced("25,1.0", "25,1.5"), "its success is not always a number from 0 to 1"),
+    "success is text": (replaced("25,0.0", "25,high"), "could not convert string to float: 'high'"),
+    "a row is missing": (lambda text: "".join(text.splitlines(True)[:-1]), "an evaluation has 3 rows; it takes 4"),
+    "a row is there twice": (lambda text: text + text.splitlines(True)[-1], "an evaluation has 5 rows; it takes 4"),
+    "a goal is there twice": (replaced(",100,1,", ",000,1,"), "its goals are not those of stack2"),
+    "a later goal is another": (
+        lambda text: text[:-60] + text[-60:].replace(",101,", ",110,"),
+        "differ in their goals",
+    ),
+    "layer is another": (replaced(",100,1,", ",100,2,"), "its goals are not those of stack2"),
+    "name is another": (lambda text: text[:-60] + text[-60:].replace("b on a", "a on b"), "do not have one name each"),
+    "epochs fall": (replaced("\n3,", "\n1,", 4), "its epochs and steps do not rise"),
+    "learned is wrong": (lambda text: text.rstrip()[:-1] + "1\n", "its learned is not 1 where success is above 0.8"),
+    "too many episodes unsatisfied": (replaced(",25,0.6,25", ",25,0.6,26"), "its numbers of episodes cannot be"),
+    "NUL bytes": (replaced(",000,1,", ",\0\0,1,"), ""),
+}
+
+
+@pytest.mark.parametrize("every_goal", [True, False])
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damaged_evaluations_are_named(make_runs, tmp_path, name, every_goal):
+    damaged, _ = make_runs(methods=("sac",), seeds=2, success=lambda *args: [0.0, 0.4, 1.0, 0.6][args[-1]])
+    change, message = DAMAGE[name]
+    content = (damaged / "evaluations.csv").read_text()
+    assert change(content) != content
+    (damaged / "evaluations.csv").write_text(change(content))
+    results = read_results([tmp_path / "runs"], every_goal=every_goal)
+    if name == "too many episodes unsatisfied" and not every_goal:
+        return  # it is not in the last evaluation, of which alone these are read
+    assert one_fault(results).startswith(f"{damaged / 'evaluations.csv'}: ")
+    assert message in one_fault(results)
+    assert one_fault(results).endswith("; left out")
+    assert list(results.runs["seed"]) == [1]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[:-3], "its last row is cut off"),
+        (lambda text: "".join(text.splitlines(True)[:-1]), "it has 3 rows for 4 epochs"),
+        (replaced("\n2,", "\n3,"), "its epochs do not count from 1"),
+        (replaced(",0.3,", ",high,"), "its column reward does not hold numbers"),
+        (replaced("seconds", "time"), "it has no column seconds"),
+        (replaced(",36.0\n", ",inf\n"), "its seconds are not all numbers that rise from 0"),
+        (replaced(",36.0\n", ",-1\n"), "its seconds are not all numbers that rise from 0"),
+        (replaced(",0.3,", ",inf,"), "its column reward has a number that is not finite"),
+        (lambda text: text.splitlines()[0] + "\n", "it has no rows"),
+    ],
+)
+def test_damaged_progress_is_named(make_runs, tmp_path, change, message):
+    damaged, _ = make_runs(methods=("sac",), seeds=2)
+    (damaged / "progress.csv").write_text(change((damaged / "progress.csv").read_text()))
+    results = read_results([tmp_path / "runs"])
+    assert one_fault(results) == f"{damaged / 'progress.csv'}: {message}; left out"
+    assert list(results.runs["seed"]) == [1]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda result: result.update(goals_learned=3), "result.json says goals_learned 3, evaluations.csv 0"),
+        (lambda result: result.update(success=0.5), "result.json says success 0.5"),
+        (lambda result: result.update(steps=1), "result.json says steps 1, evaluations.csv 4000"),
+        (lambda result: result["learned_by_layer"]["2"].update(learned=2), "disagree in learned_by_layer"),
+        (lambda result: result.update(epochs=3), "it is of 3 epochs, the config of 4"),
+        (lambda result: result.update(success="high"), "success is 'high'; it must be a number"),
+        (lambda result: result.update(seconds=float("nan")), "seconds is nan; it must be a number"),
+        (lambda result: result.pop("goals"), "goals is None; it must be a number"),
+    ],
+)
+def test_a_result_that_disagrees_is_named(make_runs, tmp_path, change, message):
+    damaged, _ = make_runs(methods=("sac",), seeds=2, success=lambda *args: 0.2)
+    edit(damaged / "result.json", change)
+    results = read_results([tmp_path / "runs"])
+    assert message in one_fault(results)
+    assert str(damaged) in one_fault(results)
+    assert list(results.runs["seed"]) == [1]
+
+
+@pytest.mark.parametrize("name", ["config.json", "result.json", "evaluations.csv", "progress.csv"])
+@pytest.mark.parametrize("kind", ["folder", "fifo", "nonsense"])
+def test_files_that_are_none_are_named(make_runs, tmp_path, name, kind):
+    damaged, _ = make_runs(methods=("sac",), seeds=2)
+    (damaged / name).unlink()
+    if kind == "folder":
+        (damaged / name).mkdir()
+    elif kind == "fifo":
+        os.mkfifo(damaged / name)
+    else:
+        (damaged / name).write_bytes(b"\xff\xfe\0{[" * 50)
+    results = read_results([tmp_path / "runs"])
+    assert str(damaged) in one_fault(results)
+    assert list(results.runs["seed"]) == [1]
+
+
+def test_whatever_is_in_the_files_is_read_or_named(make_runs, tmp_path):
+    """Bytes are changed at random: a run is kept or named, and nothing but that happens."""
+    rng = np.random.default_rng(0)
+    path, _ = make_runs(methods=("sac",), seeds=2, epochs=2)
+    named = 0
+    for trial in range(60):
+        file = path / ("config.json", "result.json", "evaluations.csv", "progress.csv")[trial % 4]
+        content = file.read_bytes()
+        changed = bytearray(content)
+        for place in rng.integers(0, len(content), 1 + trial % 5):
+            changed[place] = rng.choice(list(b'\n,"0-9e.{}[\0\xff '))
+        file.write_bytes(changed)
+        results = read_results([tmp_path / "runs"], every_goal=bool(trial % 3))
+        assert len(results.runs) + len(results.faults) == 2, results.faults
+        named += len(results.faults)
+        file.write_bytes(content)
+    assert named > 30
+
+
+def test_huge_files_are_not_read(make_runs, tmp_path):
+    first, second = make_runs(methods=("sac",), seeds=2)
+    for path in (first / "evaluations.csv", second / "config.json"):
+        os.truncate(path, rows.MAX_CSV_BYTES + 1)  # takes no space on the disk
+    results = read_results([tmp_path / "runs"])
+    assert results.runs.empty
+    assert "more than 1,073,741,824 bytes" in results.faults[0]
+    assert "no file of less than 1,048,576 bytes" in results.faults[1]
+
+
+def test_paths_that_give_nothing_are_named(make_runs, tmp_path):
+    (partial,) = make_runs(methods=("sac",), seeds=1, complete=False)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").touch()
+    results = read_results([tmp_path / "none", tmp_path / "empty", tmp_path / "file", partial])
+    assert results.runs.empty
+    assert results.evaluations.empty
+    assert results.absent == results.faults
+    assert results.absent == (
+        f"{tmp_path / 'none'} is no run folder: it does not exist",
+        f"{tmp_path / 'empty'} is no run folder: it has no config.json, nor has a folder in it",
+        f"{tmp_path / 'file'} is no run folder: it is no folder",
+        f"{partial} is partial: it has no result.json; left out",
+    )
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_several_processes_read_what_one_reads(make_runs, tmp_path, monkeypatch, partial):
+    """With every kind of folder among them: foreign, duplicate, damaged (also as a duplicate), and partial ones."""
+    paths = make_runs(tasks=("stack2", "stack3"), methods=("sac", "icm+hm"), seeds=3, complete=False)
+    for path in make_runs(methods=("rnd", "mihm"), seeds=3):
+        shutil.copytree(path, path.with_name(f"x-{path.name}"))
+    (tmp_path / "runs" / "notes").mkdir()
+    for broken in (paths[0], paths[-1], tmp_path / "runs" / "stack2-rnd-1", tmp_path / "runs" / "x-stack2-mihm-2"):
+        (broken / "evaluations.csv").write_text("epoch\n")
+    (tmp_path / "runs" / "stack2-rnd-2" / "config.json").write_text("{")
+    every = [tmp_path / "runs", paths[1], tmp_path / "none"]
+    plain = read_results(every, partial)
+    monkeypatch.setattr(frames, "FEWEST", 1)
+    spread = read_results(every, partial, processes=3)
+    assert (len(plain.runs), len(plain.faults)) == ((16, 10) if partial else (6, 20))
+    assert (spread.faults, spread.absent, spread.config_files) == (plain.faults, plain.absent, plain.config_files)
+    for name in ("runs", "evaluations", "layers", "progress"):
+        pd.testing.assert_frame_equal(getattr(spread, name), getattr(plain, name), check_exact=True)
+
+
+def test_texts_of_others_stay_on_one_line(make_runs):
+    first, *_ = make_runs(methods=("sac",), seeds=1)
+    edit(first / "config.json", lambda record: record.update(created="a\nb\x1b[31m", command=["x", "a\nb"]))
+    edit(first / "result.json", lambda result: result.update(machine=["no text"]))
+    row = read_results([first]).runs.iloc[0]
+    assert (row["created"], row["command"], row["machine"]) == ("a b [31m", "x 'a b'", "")
+
+
+def test_the_command_of_a_run_made_longer_has_both_lines(make_runs):
+    (run,) = make_runs(methods=("sac",), seeds=1)
+    edit(run / "config.json", lambda record: record.update(command=["a", "b c"], lengthened=[{"command": ["d"]}]))
+    assert read_results([run]).runs.loc[0, "command"] == "a 'b c' && d"
+    edit(run / "config.json", lambda record: record.update(lengthened=["?"]))
+    assert read_results([run]).runs.loc[0, "command"] == ""
+
+
+def test_order_of_methods():
+    assert sorted(["zeta", "mi", "alpha", "mihm", "sac", "icm+hm"], key=place_of) == [
+        *("sac", "mihm", "icm+hm", "mi", "alpha", "zeta")
+    ]
+    assert sorted(METHOD_ORDER[::-1], key=place_of) == list(METHOD_ORDER)
+
+
+def test_reading_imports_neither_torch_nor_mujoco_nor_a_method(make_runs):
+    path, *_ = make_runs(methods=("os:getcwd+hm",), seeds=1)
+    program = (
+        "import sys; from pathlib import Path; from curiobench.analysis.frames import read_results\n"
+        f"results = read_results([Path({str(path)!r})])\n"
+        "print(results.runs['method'][0], sorted({'torch', 'mujoco', 'matplotlib', 'scipy.stats'} & set(sys.modules)))"
+    )
+    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert output == "os:getcwd+hm []\n"
+
+
+@pytest.fixture
+def published(make_runs, tmp_path):
+    """A published set and the results that it was made from."""
+    make_runs(tasks=("stack2", "stack3"), seeds=2)
+    results = read_results([tmp_path / "runs"])
+    folder = tmp_path / "v1"
+    folder.mkdir()
+    results.runs.to_csv(folder / "runs.csv", index=False)
+    results.evaluations.to_csv(folder / "evaluations.csv.gz", index=False)
+    results.progress.to_csv(folder / "progress.csv.gz", index=False)
+    write_sums(folder)
+    return folder, results
+
+
+def write_sums(folder):
+    """Digests of a set's files, as `publish` writes them."""
+    files = [folder / name for name in PUBLISHED_FILES]
+    sums = [f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files]
+    (folder / SUMS).write_text("".join(sums))
+
+
+def test_a_published_set_reads_as_the_folders_it_was_made_from(published):
+    folder, results = published
+    again = read_results([folder])
+    assert again.faults == ()
+    assert again.runs.equals(results.runs)
+    assert again.layers.equals(results.layers)
+    for name in EVALUATION_COLUMNS:
+        assert list(again.evaluations[name].astype(str)) == list(results.evaluations[name].astype(str)), name
+    for name in results.progress:
+        found, expected = again.progress[name], results.progress[name]
+        assert np.array_equal(found, expected) or np.allclose(found, expected, equal_nan=True), name
+    short = read_results([folder], every_goal=False)
+    assert set(short.evaluations["epoch"]) == {4}
+
+
+def test_a_published_run_and_its_folder_are_duplicates(published, tmp_path):
+    folder, _ = published
+    results = read_results([folder, tmp_path / "runs"])
+    assert len(results.runs) == 8
+    assert len(results.faults) == 8
+    assert all("is a duplicate of" in fault for fault in results.faults)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("runs.csv", lambda f: f.drop(columns="hours"), "has no column hours"),
+        ("runs.csv", lambda f: f.assign(run="same"), "a run is in runs.csv twice"),
+        ("runs.csv", lambda f: f.assign(config="{"), "Expecting property name"),
+        ("runs.csv", lambda f: f.iloc[1:], "has rows, but is not in runs.csv"),
+        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of stack2-sac-0 is inf, which cannot be"),
+        ("runs.csv", lambda f: f.assign(updates=-1), "updates of stack2-sac-0 is -1.0, which cannot be"),
+        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is no name of a run"),
+        ("evaluations.csv.gz", lambda f: f[f["epoch"] < 4], "has 3 of 4 epochs and is said to be complete"),
+        ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows; it takes 35"),
+        ("evaluations.csv.gz", lambda f: f[f["task"] == "stack3"], "has no evaluation"),
+        ("progress.csv.gz", lambda f: f.drop(columns="epoch"), "has no column epoch"),
+    ],
+)
+def test_a_damaged_published_set_is_named(published, name, change, message):
+    folder, results = published
+    frame = {"runs.csv": results.runs, "evaluations.csv.gz": results.evaluations, "progress.csv.gz": results.progress}
+    change(frame[name]).to_csv(folder / name, index=False)
+    write_sums(folder)
+    found = read_results([folder])
+    assert found.runs.empty
+    assert one_fault(found).startswith(f"{folder}: ")
+    assert message in one_fault(found)
+
+
+def test_a_published_set_that_is_no_gzip_is_named(published):
+    folder, _ = published
+    (folder / "evaluations.csv.gz").write_bytes(b"plain text")
+    write_sums(folder)
+    assert "Not a gzipped file" in one_fault(read_results([folder]))
+
+
+def test_a_published_set_with_a_flipped_bit_is_named(published):
+    folder, _ = published
+    for file in ("evaluations.csv.gz", "progress.csv.gz"):
+        content = bytearray((folder / file).read_bytes())
+        content[len(content) // 2] ^= 1
+        (folder / file).write_bytes(content)
+        assert f"{file} is not the file that was published" in one_fault(read_results([folder]))
+        write_sums(folder)
+        assert one_fault(read_results([folder])).startswith(f"{folder}: ")
+
+
+def test_a_set_twice_is_read_once(published):
+    folder, results = published
+    again = read_results([folder, folder])
+    assert (len(again.runs), again.faults) == (len(results.runs), ())
+
+
+def test_a_set_of_this_package_is_found_by_its_name_unless_a_folder_has_it(published, tmp_path, monkeypatch):
+    folder, results = published
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    monkeypatch.setattr(folders, "_home", lambda: folder.parent)
+    assert read_results([Path("v1")]).runs.equals(results.runs)
+    Path("v1").mkdir()
+    assert "v1 is no run folder" in one_fault(read_results([Path("v1")]))
+
+
+def test_a_run_has_its_folders_name_from_within(make_runs, monkeypatch):
+    first, *_ = make_runs(seeds=1)
+    monkeypatch.chdir(first)
+    assert list(read_results([Path()]).runs["run"]) == [first.name]
+
+
+def test_huge_numbers_in_one_result_leave_the_other_runs_alone(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    for name in ("seconds", "peak_memory_mb", "success", "updates"):
+        edit(first / "result.json", lambda result, name=name: result.update({name: 10**400}))
+        results = read_results([tmp_path / "runs"])
+        assert "must be a number from 0 to 1e+15" in one_fault(results)
+        assert len(results.runs) == 1
+
+
+def test_a_result_that_tells_other_updates_than_the_rows_is_named(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    edit(first / "result.json", lambda result: result.update(updates=7))
+    for progress in (True, False):
+        results = read_results([tmp_path / "runs"], progress=progress)
+        assert "progress.csv: its last row has 40 updates, result.json 7" in one_fault(results)
+
+
+def test_a_missing_progress_is_named_also_where_it_is_not_read(make_runs, tmp_path):
+    first, *_ = make_runs(seeds=1)
+    (first / "progress.csv").unlink()
+    assert "the file is missing" in one_fault(read_results([tmp_path / "runs"], progress=False))
+
+
+def test_the_name_of_a_preset_alone_sets_no_run_apart(make_runs, tmp_path):
+    for seed, preset in enumerate(("short", "laptop")):
+        make_runs(methods=("icm",), seeds=[seed], options={"preset": preset}, suffix=f"-{preset}")
+    assert list(read_results([tmp_path / "runs"]).runs["variant"]) == ["", ""]
+    make_runs(methods=("icm",), seeds=[1], options={"preset": "short"}, suffix="-again")
+    assert "is a duplicate of" in one_fault(read_results([tmp_path / "runs"]))

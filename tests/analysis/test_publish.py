@@ -1,0 +1,326 @@
+"""Published sets: what is read back is what was run; nothing is lost, invented or left half-written."""
+
+import gzip
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from lawful import edit_rows, edit_versions, lengthen
+
+import curiobench
+from curiobench.analysis import folders
+from curiobench.analysis import publish as module
+from curiobench.analysis.folders import CONFIGS, SUMS, available, check_sums, read_sums
+from curiobench.analysis.frames import load, read_results
+from curiobench.analysis.publish import publish
+
+ROOT = Path(__file__).parents[2]
+SETS = sorted(path for path in (ROOT / "results").glob("v*") if path.is_dir())
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leaves out tables, figures and report, which take seconds."""
+    monkeypatch.setattr(module, "derive", lambda folder: None)
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "sets" / "v1"
+
+
+def files(folder):
+    """Content of every file below a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def assert_equal(one, other):
+    for name in ("runs", "evaluations", "layers", "progress"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True, obj=name)
+
+
+def test_frames_read_back_are_those_of_the_run_folders(make_runs, out, undrawn):
+    runs = make_runs(tasks=("stack2", "stack3"), methods=("sac", "mihm", "pkg.mod:Class+hm"), seeds=2)
+    runs += make_runs(seeds=1, options={"sac.tau": 0.1}, suffix="-tau")
+    runs += make_runs(methods=["pkg.mod:Class+hm"], seeds=2, suffix="-later")
+    for run in runs[-2:]:
+        edit_versions(run, method_sha256="ab" * 32)
+    publish(runs, out)
+    assert_equal(load(out), read_results(runs))
+    publish([out], out.with_name("v2"))
+    assert_equal(load(out.with_name("v2")), read_results(runs))
+
+
+def test_real_numbers_read_back(tmp_path, out, undrawn):
+    folder = ROOT / "results" / "laptop" / "stack2-sac-0"
+    publish([folder], out)
+    assert_equal(load(out), read_results([folder]))
+
+
+def test_configs_sums_and_bytes(make_runs, out, undrawn):
+    runs = make_runs(seeds=1)
+    publish(runs, out)
+    for run in runs:
+        assert (out / CONFIGS / f"{run.name}.json").read_bytes() == (run / "config.json").read_bytes()
+    subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=out, check=True)
+    assert {*read_sums(out), SUMS} == {*files(out)}
+    assert gzip.decompress((out / "evaluations.csv.gz").read_bytes()).startswith(b"run,task,method,variant,seed,epoch")
+    publish(runs, out.with_name("v2"))
+    assert files(out.with_name("v2")) == files(out)
+
+
+def rising(task, method, seed, epoch, goal):
+    return min(1, (epoch + seed) / 10)
+
+
+def test_a_run_made_longer_takes_the_place_of_its_beginning(make_runs, tmp_path, out, undrawn):
+    short = make_runs(seeds=2, success=rising)
+    publish(short, out)
+    (tmp_path / "runs").rename(tmp_path / "before")
+    longer = make_runs(methods=("sac",), seeds=1, epochs=7, success=rising)
+    publish([out, *longer], out)
+    runs = load(out).runs.set_index("run")
+    assert runs["epoch"].to_dict() == {run.name: 7 if run.name == "stack2-sac-0" else 4 for run in short}
+    publish([*longer, tmp_path / "before"], out.with_name("v2"))
+    assert_equal(load(out.with_name("v2")), load(out))
+    with pytest.raises(ValueError, match=r"its run stack2-sac-0 would get other numbers"):
+        publish([tmp_path / "before"], out)
+
+
+def test_a_longer_run_of_other_numbers_takes_no_place(make_runs, tmp_path, out, undrawn):
+    publish(make_runs(methods=("sac",), seeds=1, success=rising), out)
+    (tmp_path / "runs").rename(tmp_path / "before")
+    other = make_runs(methods=("sac",), seeds=1, epochs=7)
+    with pytest.raises(ValueError, match=r"needs a name of its own"):
+        publish([out, *other], out)
+
+
+def test_what_is_derived_is_there(make_runs, out, cli):
+    make_runs()
+    code, printed, _ = cli("publish", out.parents[1] / "runs", "--out", out)
+    assert code == 0
+    first, *_, last = printed.splitlines()
+    assert (first, last) == (f"{out / 'runs.csv'}: 6 rows", str(out / "report.html"))
+    suffixes = {path.suffix for path in (out / "tables").iterdir()}
+    assert suffixes == {".txt", ".md", ".tex", ".csv"}
+    assert (out / "figures" / "stack2-learning-curves.pdf").stat().st_size > 1000
+    assert "<html" in (out / "report.html").read_text()[:200]
+
+
+def spoil_partial(runs):
+    (runs[0] / "result.json").unlink()
+
+
+def spoil_foreign(runs):
+    (runs[0].parent / "notes").mkdir()
+
+
+def spoil_duplicate(runs):
+    shutil.copytree(runs[0], runs[0].with_name("again"))
+
+
+def spoil_missing(runs):
+    shutil.rmtree(runs[0])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (spoil_partial, "stack2-sac-0 is partial"),
+        (spoil_foreign, "notes is foreign"),
+        (spoil_duplicate, "again is foreign"),
+        (spoil_missing, "stack2-sac-0 is missing"),
+    ],
+)
+def test_refuses_what_is_not_whole(make_runs, out, undrawn, spoil, told):
+    runs = make_runs(seeds=2, grid=True)
+    spoil(runs)
+    with pytest.raises(ValueError, match=r"^not published: ") as error:
+        publish([runs[0].parent], out)
+    assert told in str(error.value)
+    assert not out.parent.exists()
+
+
+def test_refuses_duplicates_and_the_same_name_twice(make_runs, out, undrawn):
+    runs = make_runs(seeds=1)
+    copy = Path(shutil.copytree(runs[0], out.parents[1] / "other" / runs[0].name))
+    with pytest.raises(ValueError, match="is a duplicate of"):
+        publish([*runs, copy], out)
+    record = json.loads((copy / "config.json").read_text())
+    record["config"]["seed"] = 7
+    (copy / "config.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match="needs a name of its own"):
+        publish([*runs, copy], out)
+    with pytest.raises(ValueError, match="name at least one run folder"):
+        publish([], out)
+
+
+def test_refuses_code_that_is_no_commit_unless_told_so(make_runs, out, undrawn):
+    runs = make_runs(seeds=1)
+    edit_versions(runs[0], git_commit="c0ffee-dirty")
+    edit_versions(runs[1], git_commit=None)
+    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee-dirty; .*mihm-0 is of an unknown"):
+        publish(runs, out)
+    edit_versions(runs[0], git_commit="c0ffee")
+    lengthen(runs[0], git_commit="badcafe-dirty")
+    edit_versions(runs[1], git_commit="c0ffee")
+    lengthen(runs[1], git_commit=None)
+    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee badcafe-dirty; .*is of an unknown"):
+        publish(runs, out)
+    assert not out.exists()
+    publish(runs, out, allow_dirty=True)
+    assert len(load(out).runs) == 2
+
+
+def test_keeps_what_others_put_there_and_all_published_runs(make_runs, out, undrawn):
+    runs = make_runs(seeds=2)
+    out.mkdir(parents=True)
+    (out / "README.md").write_text("by hand")
+    publish(runs[:3], out)
+    (out / "notes").mkdir()
+    (out / "notes" / "a.txt").write_text("kept")
+    publish(runs, out)
+    assert len(load(out).runs) == 4
+    assert (out / "README.md").read_text() + (out / "notes" / "a.txt").read_text() == "by handkept"
+    before = files(out)
+    with pytest.raises(ValueError, match="stack2-mihm-1 would be lost; --replace"):
+        publish(runs[:3], out)
+    edit_rows(runs[0] / "evaluations.csv", lambda rows: rows.assign(steps=rows["steps"] + (rows["epoch"] == 1)))
+    with pytest.raises(ValueError, match="its run stack2-sac-0 would get other numbers; --replace"):
+        publish(runs, out)
+    assert files(out) == before
+    publish(runs[:3], out, replace=True)
+    assert len(load(out).runs) == 3
+
+
+def test_takes_the_place_of_nothing_else(make_runs, out, undrawn, tmp_path):
+    runs = make_runs(seeds=1)
+    for place, told in ((tmp_path / "runs", "is no published set"), (runs[0] / "config.json", "is no published set")):
+        before = files(tmp_path)
+        with pytest.raises(ValueError, match=told):
+            publish(runs, place)
+        assert files(tmp_path) == before
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").write_text("precious")
+    with pytest.raises(ValueError, match="other exists and is no published set"):
+        publish(runs, tmp_path / "other")
+    with pytest.raises(ValueError, match="/ is no place for a published set"):
+        publish(runs, Path("/"))
+    with pytest.raises(ValueError, match=r"^cannot write to /dev/null/v1: "):
+        publish(runs, Path("/dev/null/v1"))
+
+
+@pytest.mark.parametrize("stage", ["derive", "_keep_others", "sync_folder"])
+def test_a_failure_at_any_stage_leaves_what_was_there(make_runs, out, undrawn, monkeypatch, stage):
+    runs = make_runs(seeds=2)
+    publish(runs[:3], out)
+    before = files(out.parent)
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, stage, fail)
+    with pytest.raises(KeyboardInterrupt):
+        publish(runs, out)
+    if stage == "sync_folder":  # the new one has taken its place, only its way to the disk is not awaited
+        assert len(load(out).runs) == 4
+        assert [path.name for path in out.parent.iterdir()] == ["v1"]
+    else:
+        assert files(out.parent) == before
+
+
+@pytest.mark.parametrize("renames", [0, 1, 2])
+def test_a_kill_at_any_rename_is_made_good(make_runs, out, undrawn, renames):
+    runs = make_runs(seeds=2)
+    publish(runs[:3], out)
+    new = Path(shutil.copytree(out, out.with_name(".v1.curiobench-new")))
+    if renames > 0:
+        out.rename(out.with_name(".v1.curiobench-old"))
+    if renames > 1:
+        new.rename(out)
+    publish(runs, out)
+    assert len(load(out).runs) == 4
+    assert [path.name for path in out.parent.iterdir()] == ["v1"]
+
+
+def test_load_names_what_there_is(make_runs, out, undrawn, monkeypatch):
+    runs = make_runs(seeds=1)
+    for name in ("v1", "v10", "v2", "laptop"):
+        publish(runs, out.with_name(name))
+    (out.parent / "v3").mkdir()
+    monkeypatch.setattr(folders, "_home", lambda: out.parent)
+    assert available() == ["v1", "v2", "v10"]
+    assert_equal(curiobench.analysis.load("v2"), load(out))
+    for name in ("v3", "v4", "../v1", "laptop"):
+        with pytest.raises(ValueError, match=f"no published results {name!r}: available are v1, v2, v10"):
+            load(name)
+
+
+def test_an_installed_package_has_its_sets_inside(make_runs, tmp_path, undrawn, monkeypatch):
+    site = tmp_path / "site" / "curiobench"
+    monkeypatch.setattr(folders, "__file__", str(site / "analysis" / "folders.py"))
+    assert available() == []
+    publish(make_runs(seeds=1), site / "published" / "v1")
+    assert available() == ["v1"]
+    assert len(load("v1").runs) == 2
+
+
+def test_the_wheel_takes_what_load_reads_and_no_pictures(make_runs, out, undrawn):
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    assert setup["package-dir"]["curiobench.published"] == "results"
+    publish(make_runs(seeds=1), out)
+    written = {f"v1/{name}" for name in files(out)}
+    (out / "figures").mkdir()
+    (out / "figures" / "curve.png").touch()
+    taken = {
+        str(path.relative_to(out.parent))
+        for pattern in setup["package-data"]["curiobench.published"]
+        for path in out.parent.glob(pattern)
+    }
+    assert taken == written
+
+
+@pytest.mark.parametrize("file", ["runs.csv", "evaluations.csv.gz", "progress.csv.gz"])
+def test_load_refuses_what_was_altered(make_runs, out, undrawn, file):
+    publish(make_runs(seeds=1), out)
+    content = (out / file).read_bytes()
+    (out / file).write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    with pytest.raises(ValueError, match="is not the file that was published"):
+        load(out)
+    (out / SUMS).unlink()
+    with pytest.raises(ValueError, match="cannot read"):
+        load(out)
+
+
+@pytest.mark.parametrize("folder", SETS, ids=lambda folder: folder.name)
+def test_published_set_is_consistent(folder):
+    assert folder.name in available()
+    results = curiobench.analysis.load(folder.name)
+    assert set(results.runs["run"]) == {path.stem for path in (folder / CONFIGS).iterdir()}
+    check_sums(folder, tuple(read_sums(folder)))
+    for run, config in zip(results.runs["run"], results.runs["config"], strict=True):
+        record = json.loads((folder / CONFIGS / f"{run}.json").read_text())
+        assert record["config"] == json.loads(config)
+    assert results.runs["complete"].all()
+    planned = results.evaluations["run"].astype(str).map(results.runs.set_index("run")["epochs"])
+    last = results.evaluations[results.evaluations["epoch"] == planned]
+    assert set(last["run"]) == set(results.runs["run"])
+
+
+def test_import_is_light():
+    program = (
+        "import sys, curiobench; names = curiobench.analysis.available()\n"
+        "print(names == sorted(names), sorted({'torch', 'mujoco', 'matplotlib', 'pandas'} & set(sys.modules)))"
+    )
+    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert output == "True []\n"
+    program = (
+        "import sys, curiobench.analysis.publish, curiobench.analysis.rules\n"
+        "print(sorted({'torch', 'mujoco', 'matplotlib'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "[]\n"

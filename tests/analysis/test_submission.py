@@ -1,0 +1,299 @@
+"""Submissions: good ones pass, and one that breaks a rule fails that line and no other."""
+
+import json
+import shutil
+from functools import partial
+
+import pytest
+from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
+
+from curiobench.analysis import publish as publish_module
+from curiobench.analysis import submission
+from curiobench.analysis.frames import load
+from curiobench.analysis.publish import publish
+from curiobench.analysis.rules import submit_check
+from curiobench.analysis.submission import PRESETS_ONLY, read_submission
+
+
+@pytest.fixture(scope="module")
+def lawful(tmp_path_factory):
+    """Folder of runs that keep every rule; not to be altered."""
+    folder = tmp_path_factory.mktemp("lawful") / "runs"
+    write_lawful(folder)
+    return folder
+
+
+@pytest.fixture
+def runs(lawful, tmp_path):
+    """A copy of `lawful` to break."""
+    return shutil.copytree(lawful, tmp_path / "runs")
+
+
+@pytest.fixture(scope="module")
+def published(lawful, tmp_path_factory):
+    """A published set of `lawful`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(publish_module, "derive", lambda folder: None)
+        publish([lawful], tmp_path_factory.mktemp("published") / "v7")
+    return tmp_path_factory.getbasetemp() / "published0" / "v7"
+
+
+def verdicts(folder, against=PRESETS_ONLY):
+    """Findings that are neither pass nor skip, by property."""
+    _, findings = submit_check([folder], against)
+    return {f.property: (f.verdict, f.detail) for f in findings if f.verdict not in ("pass", "skip")}
+
+
+def skipped(folder, against=PRESETS_ONLY):
+    return {finding.property for finding in submit_check([folder], against)[1] if finding.verdict == "skip"}
+
+
+def test_lawful_runs_pass_everything(runs, published):
+    assert verdicts(runs) == {}
+    assert verdicts(runs, str(published)) == {}
+    assert skipped(runs, str(published)) == set()
+    assert skipped(runs) == {"task and robot are the reference's", "versions are the reference's"}
+
+
+def test_a_run_is_judged_by_its_own_config_where_one_of_its_name_was_left_out(runs, tmp_path):
+    other = shutil.copytree(first(runs), tmp_path / "others" / first(runs).name)
+    (other / "result.json").unlink()
+    edit_options(other, seed=99)
+    submission = read_submission([tmp_path / "others", runs])
+    assert submission.records[other.name]["config"]["seed"] == 0
+
+
+def test_a_published_set_passes_as_a_submission(published):
+    assert verdicts(published) == {}
+
+
+def first(folder):
+    return folder / "stack2-sac-0"
+
+
+def every(folder, method="sac"):
+    return sorted(folder.glob(f"stack2-{method.replace(':', '_')}-*"))
+
+
+def gamma(folder):
+    for path in every(folder):
+        edit_options(path, "sac", gamma=0.9)
+
+
+def unknown_option(folder):
+    for path in every(folder):
+        edit_options(path, turbo=True)
+
+
+def missing_option(folder):
+    for path in every(folder):
+        edit_options(path, replay={"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True})
+
+
+def miscount(folder):
+    result = json.loads((first(folder) / "result.json").read_text())
+    (first(folder) / "result.json").write_text(json.dumps(result | {"goals_learned": 3}))
+
+
+def rename_goal(folder):
+    edit_rows(first(folder) / "evaluations.csv", lambda rows: rows.replace({"goal": {"a on b": "b below a"}}))
+
+
+def drop_an_evaluation(folder):
+    edit_rows(first(folder) / "evaluations.csv", lambda rows: rows[rows["epoch"] != 5])
+
+
+def half_an_episode(folder):
+    def change(rows):
+        rows.loc[rows["epoch"].eq(1) & rows["goal"].eq("a on b"), ["success", "success_unsatisfied"]] = 0.5
+        return rows
+
+    edit_rows(first(folder) / "evaluations.csv", change)
+
+
+def more_earned_than_succeeded(folder):
+    def change(rows):
+        rows.loc[rows["epoch"].eq(1) & rows["goal"].eq("a on b"), ["success", "success_unsatisfied"]] = 0.2, 0.4
+        return rows
+
+    edit_rows(first(folder) / "evaluations.csv", change)
+
+
+def copy_a_seed(folder):
+    shutil.copy(first(folder) / "progress.csv", folder / "stack2-sac-1")
+
+
+def leave_two_seeds(folder):
+    for path in every(folder)[2:]:
+        shutil.rmtree(path)
+
+
+def forget_digests(folder):
+    for path in every(folder, OUTSIDE):
+        edit_versions(path, method_sha256=None)
+
+
+def set_updates(folder):
+    edit_rows(first(folder) / "progress.csv", lambda rows: rows.assign(updates=rows["epoch"] * 10))
+    result = json.loads((first(folder) / "result.json").read_text())
+    (first(folder) / "result.json").write_text(json.dumps(result | {"updates": result["epochs"] * 10}))
+
+
+@pytest.mark.parametrize(
+    ("mutate", "broken", "told"),
+    [
+        (lambda f: (first(f) / "result.json").unlink(), "every folder holds one whole run", "stack2-sac-0 is partial"),
+        (lambda f: (f / "notes").mkdir(), "every folder holds one whole run", "notes is no run folder"),
+        (lambda f: shutil.copytree(first(f), f / "again"), "every folder holds one whole run", "is a duplicate of"),
+        (miscount, "every folder holds one whole run", "result.json says goals_learned 3, evaluations.csv 4"),
+        (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
+        (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
+        (
+            lambda f: rewrite(first(f), satisfied={"000": 22, "100": 3}),
+            "starts of the test episodes",
+            "'all apart' holds at the start of 22 of 25 test episodes, not 23 (stack2-sac-0); 'all close' holds",
+        ),
+        (lambda f: rewrite(first(f), episodes=10), "test episodes of a goal", "10 episodes of a goal, not 25"),
+        (rename_goal, "goals", "goal 'b below a', 110 in layer 2, is none of the task's (stack2-sac-0); goal 'a on b'"),
+        (drop_an_evaluation, "evaluations when they are due", "no evaluation after epoch 5 (stack2-sac-0)"),
+        (gamma, "options, apart from the method's own", "sac.gamma is 0.9, not 0.95 (stack2-sac-0, "),
+        (unknown_option, "options, apart from the method's own", "'turbo' is no option"),
+        (missing_option, "options, apart from the method's own", "replay.satisfied_cap is missing, not 0.3"),
+        (
+            lambda f: rewrite(first(f), steps=1000),
+            "steps and updates as the options say",
+            "1000 steps after epoch 1, not 128000",
+        ),
+        (set_updates, "steps and updates as the options say", "10 updates after epoch 1, not 2400"),
+        (half_an_episode, "success in whole episodes", "'a on b' after epoch 1: 0.5 of 25 episodes"),
+        (more_earned_than_succeeded, "success in whole episodes", "0.2 of 25 episodes, 0.4 of 25"),
+        (leave_two_seeds, "3 seeds or more of each method", "stack2 gripper sac: 2 of 3"),
+        (copy_a_seed, "numbers of its own in every run", "the same progress as stack2-sac-0 (stack2-sac-1)"),
+        (forget_digests, "digest of a method from outside", f"none of {OUTSIDE} ("),
+        (
+            lambda f: edit_versions(first(f), git_commit=f"{COMMIT}-dirty"),
+            "unaltered code",
+            "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+        ),
+        (
+            lambda f: lengthen(first(f), git_commit=f"{COMMIT}-dirty"),
+            "unaltered code",
+            "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+        ),
+    ],
+)
+def test_what_breaks_a_rule_fails_its_line_only(runs, mutate, broken, told):
+    mutate(runs)
+    found = verdicts(runs)
+    assert {name: verdict for name, (verdict, _) in found.items()} == {broken: "FAIL"}
+    assert told in found[broken][1]
+
+
+def test_evaluations_that_are_not_due_are_found(runs):
+    for path in every(runs):
+        edit_options(path, evaluate_every=2)
+    found = verdicts(runs)
+    assert found["evaluations when they are due"][1].startswith("an unplanned evaluation after epoch 1 (stack2-sac-0,")
+    assert "evaluate_every is 2, not 1" in found["options, apart from the method's own"][1]
+
+
+def test_a_method_of_two_files_is_two_methods(runs):
+    for path in every(runs, OUTSIDE)[2:]:
+        edit_versions(path, method_sha256="cd" * 32)
+    assert verdicts(runs)["digest of a method from outside"] == ("FAIL", f"2 different files of {OUTSIDE}")
+
+
+def test_runs_before_task_versions_were_written_down_are_of_the_first(runs):
+    for path in runs.iterdir():
+        edit_versions(path, task_version=None, evaluation_seed=None)
+    assert verdicts(runs) == {}
+    assert "seed of the test episodes" in skipped(runs)
+
+
+def test_what_is_the_methods_own_may_differ(runs):
+    for path in every(runs):
+        edit_options(path, preset="mine", method_config={"depth": 3}, hybrid={}, machine={"threads": 8})
+    assert set(verdicts(runs)) == {"options, apart from the method's own"}  # which no preset "mine" can be held against
+
+
+@pytest.mark.parametrize(
+    ("mutate", "property_", "told"),
+    [
+        (lambda path: edit_versions(path, git_commit=None), "commit on record", "only the version is known, 1.0"),
+        (lambda path: edit_versions(path, torch="9.9+cu1"), "versions are the reference's", "torch 9.9+cu1, not 1.0"),
+        (lambda path: edit_options(path, device="cuda"), "device and threads are the reference's", "device is 'cuda'"),
+    ],
+)
+def test_what_may_change_last_bits_is_a_warning(runs, published, mutate, property_, told):
+    for path in every(runs):
+        mutate(path)
+    (name, (verdict, detail)), *others = verdicts(runs, str(published)).items()
+    assert (name, verdict, others) == (property_, "warn", [])
+    assert told in detail
+
+
+def test_another_task_than_the_sets_is_compared_with_its_preset(lawful, published, tmp_path):
+    for path in every(lawful):
+        edit_options(shutil.copytree(path, tmp_path / "fetch" / path.name), robot="fetch", worlds=32)
+    found = verdicts(tmp_path / "fetch", str(published))
+    assert found["task and robot are the reference's"][0] == "warn"
+    assert "worlds is 32, not 64" in found["options, apart from the method's own"][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("cycles", "many"),
+        ("updates", 10**400),
+        ("evaluate_every", 0),
+        ("episodes_per_goal", {"a": 1}),
+        ("worlds", None),
+    ],
+)
+def test_options_that_make_no_sense_fail_and_do_not_stop_it(runs, name, value):
+    for path in every(runs):
+        edit_options(path, **{name: value})
+    assert "options, apart from the method's own" in verdicts(runs)
+
+
+def test_many_faults_are_counted(runs):
+    for number, path in enumerate(every(runs)):
+        edit_options(path, "sac", **{f"option{number}{letter}": 1 for letter in "abcdefgh"})
+    assert verdicts(runs)["options, apart from the method's own"][1].endswith("; and 22 more")
+
+
+@pytest.fixture
+def check(cli):
+    return partial(cli, "submit-check")
+
+
+def test_command(runs, published, check):
+    code, out, err = check(runs, "--against", published)
+    assert (code, err) == (0, "")
+    title, *lines = out.splitlines()
+    assert title == f"8 runs of sac, {OUTSIDE}, compared with {published}"
+    assert len(lines) == 18
+    assert {line.split()[0] for line in lines} == {"pass"}
+    edit_versions(first(runs), task_version=2)
+    code, out, err = check(runs, "--against", published)
+    assert (code, err) == (1, "curiobench: the submission fails 1 of 18 properties\n")
+    assert "FAIL  version of the tasks: version 2, not 1 (stack2-sac-0)" in out.splitlines()
+
+
+@pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v1", "v2"], "v2")])
+def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, check, sets, against):
+    monkeypatch.setattr(submission, "available", lambda: sets)
+    monkeypatch.setattr(submission, "load", lambda name: load(published))
+    assert check(runs)[1].splitlines()[0].endswith(f"compared with {against}")
+
+
+def test_command_without_a_run(tmp_path, check):
+    code, out, _ = check(tmp_path / "none", "--against", "presets")
+    title, first_line, *others = out.splitlines()
+    assert (code, title) == (1, "0 runs of no method, compared with the presets")
+    assert first_line.startswith(f"FAIL  every folder holds one whole run: {tmp_path / 'none'}")
+    assert {line.split()[0] for line in others} == {"skip"}
+    code, out, err = check(tmp_path, "--against", "v99")
+    assert (code, out) == (2, "")
+    assert "'v99'" in err
+    assert check()[0] == 2
