@@ -11,7 +11,7 @@ def finished(tmp_path_factory) -> Path:
     """Folder of a finished run of TINY; not to be altered."""
     from tiny_runs import TINY  # needs torch, which many tests do not
 
-    from curiobench.train import train
+    from curiobench.training import train
 
     path = tmp_path_factory.mktemp("runs") / "finished"
     train(TINY, path)

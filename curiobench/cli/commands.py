@@ -33,7 +33,7 @@ def list_choices(_: ListArguments) -> None:
 
 def train(arguments: Any) -> None:
     """Train a run."""
-    from curiobench.train import train
+    from curiobench.training import train
 
     train(arguments.config, arguments.out, arguments.resume, ["curiobench", *sys.argv[1:]])
 

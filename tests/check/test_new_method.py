@@ -14,7 +14,7 @@ from curiobench.files import read_json
 from curiobench.methods import plugins
 from curiobench.run_folder import RunFolder, read_config, read_rows
 from curiobench.saved_agent import load_agent
-from curiobench.train import train
+from curiobench.training import train
 
 FLAGS = [
     *("--task", "stack2", "--preset", "smoke", "--epochs", "2", "--cycles", "1", "--worlds", "4", "--updates", "2"),

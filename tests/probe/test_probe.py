@@ -23,7 +23,7 @@ from curiobench.probe.report import probe
 from curiobench.probe.scores import open_runs, others, own_transitions, read, score, what_method_sees
 from curiobench.probe.steps import Track, falling, lifting, push_moments, stack_moments
 from curiobench.tasks.goals import goal_space
-from curiobench.train import train
+from curiobench.training import train
 
 SPECS = ("rnd", "mi+hm", "dac", "dac+hm")
 STARTS = 2

@@ -15,7 +15,7 @@ from curiobench import checkpoint
 from curiobench.checkpoint import CheckpointError
 from curiobench.files import read_json, write_json
 from curiobench.saved_agent import load_agent
-from curiobench.train import Run, train
+from curiobench.training import Run, train
 
 AGENT = {"weights": {"w": torch.arange(3.0)}, "updates": 7}
 VALUES = {"replay": "replay-8.json", "epoch": 2}

@@ -13,7 +13,7 @@ from curiobench.methods.registry import GOAL_METHODS, REWARDS
 from curiobench.methods.specs import HYBRID
 from curiobench.saved_agent import load_agent
 from curiobench.state import TrainingState
-from curiobench.train import train
+from curiobench.training import train
 
 OF_THE_PAPER = ("icm", "rnd", "dac", "re3", "mi")
 SPECS = ["sac", *REWARDS, *GOAL_METHODS, *(method + HYBRID for method in OF_THE_PAPER)]

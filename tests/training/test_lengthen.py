@@ -10,7 +10,7 @@ from curiobench.config import MachineConfig
 from curiobench.files import read_json
 from curiobench.run_folder import RunFolder, read_config, read_record
 from curiobench.saved_agent import load_agent
-from curiobench.train import train
+from curiobench.training import train
 
 LONG = replace(TINY, epochs=6, evaluate_every=1)
 SHORT = replace(LONG, epochs=3, machine=MachineConfig(keep_replay=True))

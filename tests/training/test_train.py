@@ -19,7 +19,7 @@ from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import RunFolder, read_rows
 from curiobench.saved_agent import load_agent
 from curiobench.state import TrainingState
-from curiobench.train import Run, train
+from curiobench.training import Run, train
 
 
 class Killed(BaseException):
