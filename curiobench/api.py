@@ -18,7 +18,7 @@ import pandas as pd
 
 from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
-from curiobench.methods.sac import SAC
+from curiobench.methods.agents.sac import SAC
 from curiobench.run_folder import read_config
 from curiobench.saved_agent import load_agent as load_config_and_agent
 from curiobench.training import train as train_run

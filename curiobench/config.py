@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 
 from curiobench.curriculum import CurriculumName
-from curiobench.methods.settings import HybridConfig, SACConfig, check_option
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
+from curiobench.methods.checks import check_option
 from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from curiobench.display import align
-from curiobench.methods.sac import SAC
+from curiobench.methods.agents.sac import SAC
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import play, policy, successes
 from curiobench.tasks import BatchedStacking

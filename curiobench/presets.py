@@ -4,7 +4,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from curiobench.config import PRESET_NAMES, RunConfig
-from curiobench.methods.settings import HybridConfig, SACConfig
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from curiobench.methods.checks import check_option
 from curiobench.methods.guard import transitions_drawn
 from curiobench.methods.relabelling import Relabelling
-from curiobench.methods.settings import check_option
 from curiobench.queues import Queues
 from curiobench.relabelling import KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
 from curiobench.replay_files import EpisodeFiles

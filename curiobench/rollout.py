@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from curiobench.methods.sac import SAC, NonFiniteError
+from curiobench.methods.agents.sac import SAC, NonFiniteError
 from curiobench.replay import Episodes
 from curiobench.tasks.registration import EPISODE_STEPS
 

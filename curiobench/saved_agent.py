@@ -8,8 +8,8 @@ import numpy as np
 
 from curiobench import checkpoint
 from curiobench.config import RunConfig
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
-from curiobench.methods.sac import SAC
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
 from curiobench.state import build_agent, build_replay

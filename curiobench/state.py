@@ -19,12 +19,12 @@ from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA
 from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
 from curiobench.files import now
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.sac import SAC, NonFiniteError
 from curiobench.methods.curriculum import Curriculum, Goals, Situation
 from curiobench.methods.guard import blamed, goals_drawn
-from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent, parse_spec
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC, NonFiniteError
 from curiobench.replay import EpisodeReplay, Episodes
 from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking

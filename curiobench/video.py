@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from curiobench.config import RunConfig
-from curiobench.methods.sac import SAC
+from curiobench.methods.agents.sac import SAC
 from curiobench.rollout import play, policy
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.rendering import WorldRenderer

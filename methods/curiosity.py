@@ -7,6 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from curiobench.methods.agents.losses import Metrics
+from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.guard import (
     blamed,
     fault,
@@ -17,9 +19,7 @@ from curiobench.methods.guard import (
     flaw_of_values,
     looks_at_values,
 )
-from curiobench.methods.losses import Metrics
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.pairs import PairLayout
 from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
 
 Normalise = Callable[[Tensor], Tensor]

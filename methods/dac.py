@@ -38,9 +38,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import PolicyView, Transitions
-from curiobench.methods.settings import check_positive
 
 
 @dataclass(frozen=True)

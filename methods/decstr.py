@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
+from curiobench.methods.checks import check_positive
 from curiobench.methods.curriculum import Curriculum, Goals, Situation
-from curiobench.methods.settings import check_positive
 
 FEW_CLOSE = 1
 """Pairs that are close in a goal of the first bucket, at most."""

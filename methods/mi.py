@@ -38,11 +38,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from curiobench.methods.checks import Sees, check_option, check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import Sees, check_option, check_positive
 
 LEAST_SPREAD = 0.1
 """Lower bound of sigma_C in lambda, in nats. While D_G is still flat, r_C is 0 everywhere and sigma_C too: the first

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import check_positive
 
 WINDOW = 100
 """Updates over which the running mean of distances forgets."""

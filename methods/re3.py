@@ -28,10 +28,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from curiobench.methods.checks import Sees, check_option, check_positive
 from curiobench.methods.learned import LearnedReward, perceptron
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import Sees, check_option, check_positive
 
 UPDATES_AN_EPOCH = 500
 """Of the authors' 250,000, when a run has 500 epochs."""

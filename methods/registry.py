@@ -10,26 +10,26 @@ from dataclasses import dataclass
 
 import torch
 
+from curiobench.methods.agents.hybrid import HybridAgent
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.counts import Counts
 from curiobench.methods.curriculum import Curriculum
 from curiobench.methods.dac import DAC
 from curiobench.methods.decstr import DECSTR
 from curiobench.methods.disagreement import Disagreement
 from curiobench.methods.e3b import E3B
-from curiobench.methods.hybrid import HybridAgent
 from curiobench.methods.icm import ICM
 from curiobench.methods.mcher import MultiCriteriaHER
 from curiobench.methods.mi import MI
 from curiobench.methods.ngu import NGU
-from curiobench.methods.pairs import PairLayout
 from curiobench.methods.plugins import Method, file_of, installed_methods, load_class, load_installed, summary, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
 from curiobench.methods.ride import RIDE
 from curiobench.methods.rnd import RND
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import HybridConfig, SACConfig
 from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
 
 REWARDS: dict[str, type[IntrinsicReward]] = {

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.settings import Sees
+from curiobench.methods.checks import Sees
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from curiobench.methods.checks import Sees, check_option, check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
-from curiobench.methods.settings import Sees, check_option, check_positive
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.pairs import PairLayout
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import SACConfig
 from curiobench.tasks.registration import EPISODE_STEPS
 
 BATCH = 64

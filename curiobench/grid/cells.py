@@ -13,7 +13,7 @@ from curiobench.analysis.folders import GRID_FORMAT
 from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
 from curiobench.files import read_json, write_json, writing_to
-from curiobench.grid.definition import Grid, Options, Scalar
+from curiobench.grid.definition import Grid, Options
 from curiobench.methods.specs import shown
 from curiobench.options import flatten
 from curiobench.presets import PRESETS

@@ -7,7 +7,7 @@ from typing import Any
 
 from curiobench.display import align
 from curiobench.files import writing_to
-from curiobench.methods.intrinsic_value import MEMBERS
+from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.reward import Batch
 from curiobench.methods.specs import shown
 from curiobench.probe import Among

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from curiobench.methods.capture import StaticBatch
+from curiobench.methods.agents.capture import StaticBatch
+from curiobench.methods.agents.hybrid import EXPLORE, HybridAgent
+from curiobench.methods.agents.networks import squashed_gaussian
+from curiobench.methods.agents.pairs import PairInputs
+from curiobench.methods.agents.q_int import MEMBERS
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.guard import MethodError
-from curiobench.methods.hybrid import EXPLORE, HybridAgent
-from curiobench.methods.intrinsic_value import MEMBERS
-from curiobench.methods.networks import squashed_gaussian
-from curiobench.methods.pairs import PairInputs
 from curiobench.methods.reward import Batch, Transitions
-from curiobench.methods.sac import SAC
 from curiobench.methods.specs import shown
 from curiobench.probe.episodes import Played, transitions
 from curiobench.probe.steps import falling, lifting

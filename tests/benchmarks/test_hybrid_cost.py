@@ -11,10 +11,10 @@ import torch
 from side_by_side import ratio, side_by_side
 from test_learner import filled_replay, layout_of
 
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.reward import Batch
-from curiobench.methods.settings import SACConfig
 
 TARGET = 2.0
 """Largest cost of a hybrid's update beside its base's."""

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 import torch
 
-from curiobench.methods.pairs import PairLayout
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC
 from curiobench.presets import PRESETS
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 

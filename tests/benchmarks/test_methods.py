@@ -11,10 +11,10 @@ import torch
 from side_by_side import ratio, side_by_side
 from test_learner import SIZES, filled_replay, layout_of
 
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.reward import Batch
-from curiobench.methods.settings import SACConfig
 
 TARGETS = {"icm": 1.4, "rnd": 1.4, "re3": 1.4, "mi": 1.6, "dac": 1.6}
 """Largest cost of an update beside `sac`'s."""

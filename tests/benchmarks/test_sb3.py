@@ -11,10 +11,10 @@ import torch
 from side_by_side import ratio, side_by_side
 
 import curiobench  # noqa: F401  (registers the environments)
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import SACConfig
 from curiobench.replay import EpisodeReplay, ReplayConfig
 from curiobench.rollout import collect
 from curiobench.state import pair_layout

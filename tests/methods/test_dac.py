@@ -10,12 +10,12 @@ from layouts import SMALL
 from test_sac import random_batch
 from torch.distributions import Normal
 
+from curiobench.methods.agents.networks import squashed_gaussian
+from curiobench.methods.agents.policy_view import squashed_log_prob
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.dac import DAC
-from curiobench.methods.networks import squashed_gaussian
-from curiobench.methods.policy_view import squashed_log_prob
 from curiobench.methods.reward import PolicyView, Transitions
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import SACConfig
 
 
 def some_method(cls: type[DAC] = DAC, **config) -> DAC:

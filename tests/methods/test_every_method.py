@@ -13,10 +13,10 @@ from curiosity import collected, fresh, random_transitions
 from layouts import SMALL, layout_of
 from test_sac import random_batch, same_state
 
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.reward import Transitions
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import HybridConfig, SACConfig
 
 every_method = pytest.mark.parametrize("spec", REWARDS)
 

@@ -14,11 +14,11 @@ from layouts import SMALL
 from test_sac import Counting, agent_of, random_batch, same_state
 from test_sac_learning import two_state_batch
 
-from curiobench.methods.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS, HybridAgent
-from curiobench.methods.pairs import PairInputs
+from curiobench.methods.agents.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS, HybridAgent
+from curiobench.methods.agents.pairs import PairInputs
+from curiobench.methods.agents.sac import SAC, NonFiniteError
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC, NonFiniteError
-from curiobench.methods.settings import HybridConfig, SACConfig
 
 
 def hybrid_of(seed: int = 0, cls: type[HybridAgent] = HybridAgent, term: float | None = None, **config) -> HybridAgent:

@@ -5,9 +5,9 @@ import math
 import torch
 from layouts import layout_of
 
-from curiobench.methods.near_field import block_features, goal_differences, pair_features
-from curiobench.methods.pairs import PairEncoder
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.agents.near_field import block_features, goal_differences, pair_features
+from curiobench.methods.agents.pairs import PairEncoder
+from curiobench.methods.agents.settings import SACConfig
 
 
 def test_features_of_a_block_below_the_hand():

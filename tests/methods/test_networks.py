@@ -8,11 +8,11 @@ import torch
 from layouts import layout_of
 from torch.nn import functional as F
 
-from curiobench.methods.deepsets import DeepSets
-from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
-from curiobench.methods.pair_attention import PairAttention, pair_attention
-from curiobench.methods.pairs import PairEncoder, PairLayout
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.agents.deepsets import DeepSets
+from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.agents.pair_attention import PairAttention, pair_attention
+from curiobench.methods.agents.pairs import PairEncoder, PairLayout
+from curiobench.methods.agents.settings import SACConfig
 
 BATCH, HIDDEN = 5, 16
 

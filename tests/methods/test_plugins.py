@@ -11,10 +11,10 @@ from layouts import SMALL
 from test_sac import random_batch, same_state
 
 from curiobench.methods import plugins
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.guard import MethodError
 from curiobench.methods.registry import available_specs, make_agent, parse_spec, traced
 from curiobench.methods.rnd import RND
-from curiobench.methods.settings import SACConfig
 
 MINE = """
 from dataclasses import dataclass

@@ -7,8 +7,8 @@ from curiosity import mutated
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiobench.methods.popart import PopArt
-from curiobench.methods.settings import HybridConfig
+from curiobench.methods.agents.popart import PopArt
+from curiobench.methods.agents.settings import HybridConfig
 
 FIRST, SECOND = torch.tensor([1.0, 3.0]), torch.tensor([10.0, 10.0])
 

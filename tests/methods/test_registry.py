@@ -7,10 +7,10 @@ from layouts import layout_of
 from test_every_method import agent_of, train
 from test_sac import same_state
 
-from curiobench.methods.hybrid import HybridAgent
+from curiobench.methods.agents.hybrid import HybridAgent
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import REWARDS, available_specs, make_agent, parse_spec
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import HybridConfig, SACConfig
 from curiobench.methods.specs import ALIASES
 
 HYBRIDS = [spec for spec in available_specs() if parse_spec(spec).hybrid]

@@ -11,13 +11,13 @@ import torch
 from curiosity import mutated
 from layouts import SMALL, layout_of
 
+from curiobench.methods.agents.losses import bootstrapped_target, critic_loss, policy_loss, temperature_loss
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.sac import SAC, NonFiniteError
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.curiosity import Curiosity
-from curiobench.methods.losses import bootstrapped_target, critic_loss, policy_loss, temperature_loss
-from curiobench.methods.pairs import PairLayout
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-from curiobench.methods.sac import SAC, NonFiniteError
-from curiobench.methods.settings import SACConfig
 
 
 class Counting(IntrinsicReward):

@@ -7,8 +7,8 @@ import torch
 from layouts import SMALL
 from test_sac import agent_of
 
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.reward import Batch
-from curiobench.methods.sac import SAC
 
 
 def two_state_batch(size: int = 256) -> Batch:

@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 from curiobench.config import RunConfig
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.replay import ReplayConfig
 from curiobench.run_folder import read_rows
 from curiobench.state import WALL_CLOCK

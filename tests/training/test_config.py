@@ -13,7 +13,7 @@ from curiobench.config import (
     differences,
     with_later_fields,
 )
-from curiobench.methods.settings import HybridConfig
+from curiobench.methods.agents.settings import HybridConfig
 from curiobench.presets import PRESET_LINES, PRESETS, preset
 
 

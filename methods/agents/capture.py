@@ -5,7 +5,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from curiobench.methods.pairs import PairLayout
+from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.reward import Batch
 
 WARM_UP = 3

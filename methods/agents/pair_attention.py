@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from curiobench.methods import fused
+from curiobench.methods.agents import fused
 
 
 class PairAttention(nn.Module):

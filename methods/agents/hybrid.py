@@ -3,7 +3,7 @@
 Curiosity decides where data comes from, and no more: the policy that is evaluated never learns from it.
 
     Q_ext(s, a, g)     twin critics on r_ext alone: y = r_ext + gamma · (min_k Q'_k - alpha_d · log pi_d),  a_d' ~ pi_d
-    Q_int(s, a)        on r_int alone, bootstrapped with a_c' ~ pi_c; see intrinsic_value.py
+    Q_int(s, a)        on r_int alone, bootstrapped with a_c' ~ pi_c; see q_int.py
     pi_d, to exploit   SAC on Q_d = min_k Q_k                                                              (Eq. 14)
     pi_c, to explore   SAC on Q_c = min_k Q_k + tau · n_PopArt(Q_int)                                      (Eq. 13)
     collecting         a_d if Q_c(s, a_c, g) < Q_d(s, a_d, g), else a_c; every step, every world           (Eq. 15)
@@ -29,14 +29,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from curiobench.methods.capture import StaticBatch
-from curiobench.methods.intrinsic_value import MEMBERS, IntrinsicValues
-from curiobench.methods.losses import Metrics, critic_loss, policy_loss, temperature_loss
-from curiobench.methods.networks import LOG_STD_RANGE, Actor, squashed_gaussian
-from curiobench.methods.pairs import PairInputs, PairLayout
+from curiobench.methods.agents.capture import StaticBatch
+from curiobench.methods.agents.losses import Metrics, critic_loss, policy_loss, temperature_loss
+from curiobench.methods.agents.networks import LOG_STD_RANGE, Actor, squashed_gaussian
+from curiobench.methods.agents.pairs import PairInputs, PairLayout
+from curiobench.methods.agents.q_int import MEMBERS, IntrinsicValues
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.reward import IntrinsicReward, Transitions
-from curiobench.methods.sac import SAC
-from curiobench.methods.settings import HybridConfig, SACConfig
 
 EXPLOIT, EXPLORE = 0, 1
 """pi_d and pi_c, wherever a tensor has one entry a policy."""

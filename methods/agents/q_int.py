@@ -18,11 +18,11 @@ from typing import Any, get_args
 import torch
 from torch import Tensor
 
-from curiobench.methods.deepsets import DeepSets
-from curiobench.methods.losses import Metrics, critic_loss
-from curiobench.methods.pairs import PairLayout
-from curiobench.methods.popart import PopArt
-from curiobench.methods.settings import QIntNormalisation
+from curiobench.methods.agents.deepsets import DeepSets
+from curiobench.methods.agents.losses import Metrics, critic_loss
+from curiobench.methods.agents.pairs import PairLayout
+from curiobench.methods.agents.popart import PopArt
+from curiobench.methods.agents.settings import QIntNormalisation
 
 MEMBERS = get_args(QIntNormalisation)
 """The two values, in the order of the network's members."""

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from curiobench.methods.deepsets import DeepSets
-from curiobench.methods.pair_attention import PairAttention
-from curiobench.methods.pairs import PairEncoder, PairInputs
-from curiobench.methods.settings import SACConfig
+from curiobench.methods.agents.deepsets import DeepSets
+from curiobench.methods.agents.pair_attention import PairAttention
+from curiobench.methods.agents.pairs import PairEncoder, PairInputs
+from curiobench.methods.agents.settings import SACConfig
 
 LOG_STD_RANGE = (-5.0, 2.0)
 LOG_2 = math.log(2.0)

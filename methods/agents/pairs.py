@@ -11,9 +11,10 @@ from typing import NamedTuple, get_args
 import torch
 from torch import Tensor
 
-from curiobench.methods import fused, near_field
+from curiobench.methods.agents import fused, near_field
+from curiobench.methods.agents.settings import PairMode, SACConfig
+from curiobench.methods.checks import Sees
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.settings import PairMode, SACConfig, Sees
 
 
 @dataclass(frozen=True)

@@ -22,15 +22,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from curiobench.methods.capture import CapturedStep, StaticBatch
+from curiobench.methods.agents.capture import CapturedStep, StaticBatch
+from curiobench.methods.agents.losses import Metrics, bootstrapped_target, critic_loss, policy_loss, temperature_loss
+from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.agents.pairs import PairEncoder, PairInputs, PairLayout
+from curiobench.methods.agents.policy_view import view_policy
+from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
-from curiobench.methods.losses import Metrics, bootstrapped_target, critic_loss, policy_loss, temperature_loss
-from curiobench.methods.networks import Actor, TwinCritics, squashed_gaussian
-from curiobench.methods.pairs import PairEncoder, PairInputs, PairLayout
-from curiobench.methods.policy_view import view_policy
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
-from curiobench.methods.settings import SACConfig
 
 LEAST_RATE = 0.1
 """Share of the learning rate that is left when it has fallen."""

@@ -2,7 +2,9 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal
+
+from curiobench.methods.checks import check_option, check_positive
 
 PairMode = Literal["symmetric", "oriented", "roles"]
 """Ordered pairs of blocks: all of them, or one a pair, turned by the goal alone or by goal and state."""
@@ -13,25 +15,8 @@ Network = Literal["deep_sets", "pair_attention"]
 Features = Literal["state", "near_field"]
 """What actor and critics see of a pair: the paper's state alone, or with it short distances and differences of bits."""
 
-Sees = Literal["full", "positions", "blocks"]
-"""What of the state a method of state novelty is shown: all, positions of hand and blocks, or of blocks alone."""
-
 QIntNormalisation = Literal["popart", "zscore"]
 """Whose outputs are normalised: those of Q_int (PopArt), or the reward that it learns from."""
-
-
-def check_positive(config: Any, *names: str) -> None:
-    """Raise ValueError, with name and value, unless these fields of a config are finite and above 0."""
-    for name in names:
-        if not 0 < getattr(config, name) < math.inf:
-            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
-
-
-def check_option(config: Any, name: str, options: Any) -> None:
-    """Raise ValueError, with the value and the legal ones, unless a field of a config is one of a Literal's options."""
-    if getattr(config, name) not in get_args(options):
-        legal = ", ".join(map(repr, get_args(options)))
-        raise ValueError(f"{name} is {getattr(config, name)!r}; legal are {legal}")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""The agents: goal-conditioned SAC, and the hybrid policy mechanism around it."""

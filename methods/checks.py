@@ -1,0 +1,21 @@
+"""Checks of settings, and a setting that several methods have."""
+
+import math
+from typing import Any, Literal, get_args
+
+Sees = Literal["full", "positions", "blocks"]
+"""What of the state a method of state novelty sees: all, positions of hand and blocks, or of blocks alone."""
+
+
+def check_positive(config: Any, *names: str) -> None:
+    """Raise ValueError, with name and value, unless these fields of a config are finite and above 0."""
+    for name in names:
+        if not 0 < getattr(config, name) < math.inf:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
+
+
+def check_option(config: Any, name: str, options: Any) -> None:
+    """Raise ValueError, with the value and the legal ones, unless a field of a config is one of a Literal's options."""
+    if getattr(config, name) not in get_args(options):
+        legal = ", ".join(map(repr, get_args(options)))
+        raise ValueError(f"{name} is {getattr(config, name)!r}; legal are {legal}")
