@@ -23,7 +23,10 @@ from curiobench.methods.specs import canonical
 from curiobench.run_folder import PACKAGES
 from curiobench.workers import no_collection, parallel_map
 
-METHOD_ORDER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
+METHOD_ORDER = (
+    *("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi", "decstr", "mcher"),
+    *("disagreement", "e3b", "ride", "ngu", "counts"),
+)
 """Methods as tables and figures list them; others follow by name."""
 IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
 RUN_COLUMNS = (

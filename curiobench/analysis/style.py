@@ -1,7 +1,7 @@
 """How methods look and are called in every figure, and how all figures of results look.
 
 A curiosity method has one colour, solid with the hybrid mechanism, dashed without. The colours are Okabe and Ito's
-(2008), which differ for colour-blind readers too.
+(2008), which differ for colour-blind readers too; methods beyond the paper's have Paul Tol's.
 """
 
 import textwrap
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
     from curiobench.analysis.samples import Sample
 
-COLOURS = {"sac": "#000000", "icm": "#E69F00", "rnd": "#56B4E9", "dac": "#CC79A7", "re3": "#009E73", "mi": "#D55E00"}
+COLOURS = {
+    **{"sac": "#000000", "icm": "#E69F00", "rnd": "#56B4E9", "dac": "#CC79A7", "re3": "#009E73", "mi": "#D55E00"},
+    **{"decstr": "#332288", "mcher": "#882255", "disagreement": "#44AA99", "e3b": "#999933", "ride": "#AA4499"},
+    **{"ngu": "#6699CC", "counts": "#997700"},
+}
 """Colours of the built-in methods by spec, without `+hm`."""
 OUTSIDE = ("#0072B2", "#7F7F7F")
 """Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""

@@ -94,7 +94,7 @@ def test_a_check_that_fails_has_exit_code_1(cli, tmp_path):
     code, out, err = cli("check", "wide:Wide")
     assert (code, err) == (1, "curiobench: wide:Wide fails 1 of 18 properties\n")
     assert "FAIL  reward has shape (B,): expected (64,), found (64, 1)\n" in out
-    assert cli("check", "sac")[::2] == (2, "curiobench: sac has no curiosity method to check\n")
+    assert cli("check", "sac")[::2] == (2, "curiobench: sac has no method to check\n")
     assert cli("check", "rmd")[0] == 2
 
 
