@@ -139,12 +139,15 @@ class Run:
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
-        """Draw the learning curve, write result.json, print the table, and delete the replay unless it is kept."""
+        """Write result.json, print the table, draw the learning curve, and delete the replay unless it is kept."""
         rows = read_rows(self.folder.path / "evaluations.csv")
-        picture = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
         self.folder.write_result(result(self.state, rows))
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
-        self.display.note(f"learning curve: {picture}\nresult: {self.folder.path / 'result.json'}")
+        try:
+            curve = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
+        except Exception as error:  # whatever matplotlib, its settings or the disk do: the run is finished
+            curve = f"not drawn: {_first_line(error)}"
+        self.display.note(f"learning curve: {curve}\nresult: {self.folder.path / 'result.json'}")
         shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
         if not self.config.machine.keep_replay:
             shutil.rmtree(self.folder.replay, ignore_errors=True)

@@ -18,6 +18,7 @@ from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, load, read_r
 from curiobench.analysis.rows import LARGEST_LISTED_TASK
 from curiobench.analysis.runs import versions_of
 from curiobench.check import Finding
+from curiobench.config import with_later_fields
 from curiobench.files import read_json
 from curiobench.options import flatten
 from curiobench.presets import PRESETS, preset
@@ -48,9 +49,9 @@ class Submission:
 
     @cached_property
     def configs(self) -> dict[str, dict[str, Any]]:
-        """Options by run."""
+        """Options by run, with those that older runs lack."""
         runs = self.results.runs
-        return {run: json.loads(text) for run, text in zip(runs["run"], runs["config"], strict=True)}
+        return {run: with_later_fields(json.loads(text)) for run, text in zip(runs["run"], runs["config"], strict=True)}
 
     @cached_property
     def evaluations(self) -> dict[str, pd.DataFrame]:

@@ -1,6 +1,8 @@
 """Submissions: good ones pass, and one that breaks a rule fails that line and no other."""
 
+import hashlib
 import json
+import re
 import shutil
 from functools import partial
 
@@ -53,6 +55,19 @@ def test_lawful_runs_pass_everything(runs, published):
     assert verdicts(runs, str(published)) == {}
     assert skipped(runs, str(published)) == set()
     assert skipped(runs) == {"task and robot are the reference's", "versions are the reference's"}
+
+
+def test_options_younger_than_the_published_set_are_no_difference(runs, published):
+    older = shutil.copytree(published, published.parent / "older")
+    for path in (older / "configs").glob("*.json"):
+        record = json.loads(path.read_text())
+        del record["config"]["starts"], record["config"]["sac"]["network"]
+        path.write_text(json.dumps(record))
+    text = (older / "SHA256SUMS").read_text()
+    for path in (older / "configs").glob("*.json"):
+        text = re.sub(rf"\w+(  configs/{path.name}\n)", rf"{hashlib.sha256(path.read_bytes()).hexdigest()}\1", text)
+    (older / "SHA256SUMS").write_text(text)
+    assert verdicts(runs, str(older)) == {}
 
 
 def test_a_run_is_judged_by_its_own_config_where_one_of_its_name_was_left_out(runs, tmp_path):

@@ -45,7 +45,7 @@ def test_an_agent_predicts_for_one_and_for_many(run):
 
 
 def test_wrong_input_is_refused_before_anything_is_made(tmp_path):
-    with pytest.raises(ValueError, match="sac.gama"):
+    with pytest.raises(ValueError, match=r"sac\.gama"):
         curiobench.train("stack2", out=tmp_path / "run", options={"sac.gama": 0.9})
     with pytest.raises(ValueError, match="unknown task 'stack9'"):
         curiobench.train("stack9", out=tmp_path / "run")

@@ -10,7 +10,7 @@ import pytest
 import torch
 from tiny_runs import TINY, numbers
 
-from curiobench import checkpoint
+from curiobench import checkpoint, training
 from curiobench.config import MachineConfig
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluator, last_evaluation
@@ -55,6 +55,16 @@ def test_leaves_rows_result_and_picture(finished):
     assert int(progress[-1]["steps"]) == read_json(finished / "result.json")["steps"] == steps
     assert (finished / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
     assert not (finished / "checkpoint" / "replay").exists()
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_result(tmp_path, monkeypatch, capsys):
+    def no_matplotlib(*arguments):
+        raise ValueError("'nonsense' is not a valid value for backend")
+
+    monkeypatch.setattr(training, "draw_learning_curve", no_matplotlib)
+    train(TINY, tmp_path / "run")
+    assert (tmp_path / "run" / "result.json").exists()
+    assert "learning curve: not drawn: ValueError: 'nonsense' is not a valid" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("between", [7, 11])
