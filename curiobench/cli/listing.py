@@ -20,11 +20,12 @@ def listing() -> str:
     sections = {
         "tasks": {task: _task_line(task) for task in TASKS},
         "robots": ROBOT_LINES,
-        "methods": {spec: _method_line(spec) for spec in available_specs()},
+        "methods": {spec: _method_line(spec) for spec in available_specs() if not spec.endswith(HYBRID)}
+        | {f"NAME{HYBRID}": "a method that rewards, under the hybrid policy mechanism (Han et al. 2023)"},
         "presets": PRESET_LINES,
     }
     return "\n\n".join(
-        "\n".join([f"{title}:", *(f"  {name:<10}{line}" for name, line in lines.items())])
+        "\n".join([f"{title}:", *(f"  {name:<{max(map(len, lines)) + 2}}{line}" for name, line in lines.items())])
         for title, lines in sections.items()
     )
 

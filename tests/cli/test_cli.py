@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from curiobench.methods.registry import REWARDS
+from curiobench.methods.registry import GOAL_METHODS, REWARDS
 
 
 def run(*arguments):
@@ -62,10 +62,10 @@ def test_list_shows_all_that_can_be_trained(cli):
     for word in ("stack2", "35 goals", "gripper", "sac", "paper", "laptop", "smoke"):
         assert word in out
     lines = dict(line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  "))
-    for name, method in REWARDS.items():
+    for name, method in (REWARDS | GOAL_METHODS).items():
         assert lines[name] == f"{method.idea} ({method.paper})"
-        assert lines[f"{name}+hm"] == f"{name} under the hybrid policy mechanism (Han et al. 2023)"
-    assert lines["mihm"] == lines["mi+hm"]
+    assert lines["mihm"] == "mi under the hybrid policy mechanism (Han et al. 2023)"
+    assert lines["NAME+hm"] == "a method that rewards, under the hybrid policy mechanism (Han et al. 2023)"
     assert "(Haarnoja et al. 2018)" in lines["sac"]
 
 
