@@ -107,8 +107,7 @@ class EpisodeReplay:
             relabelling: of a method that brings its own; None for that of the config.
         """
         self.config, self.compute_reward, self.steps = config, compute_reward, steps
-        self._relabelling = relabelling
-        self.goal_weights: np.ndarray | None = None
+        self._relabelling, self.goal_weights = relabelling, None
         self.valid_goals = valid_goals = np.ascontiguousarray(valid_goals, np.uint8)
         self._table, self._on_bits = GoalTable(valid_goals), on_bits
         bits, capacity = valid_goals.shape[1], config.capacity
@@ -121,8 +120,7 @@ class EpisodeReplay:
         self.arrays = {name: _allocate(name, shape, dtype, folder) for name, (shape, dtype) in shapes.items()}
         self.goal_ids = np.full((capacity, steps + 1), -1, np.int32)
         self._clear_index()
-        self.added = 0
-        self._saved = 0
+        self.added = self._saved = 0
 
     def __len__(self) -> int:
         """Episodes held."""

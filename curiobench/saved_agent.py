@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from curiobench import checkpoint
+from curiobench.build import build_agent, build_replay
 from curiobench.config import RunConfig
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
-from curiobench.state import build_agent, build_replay
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
 

@@ -15,23 +15,18 @@ from typing import Any
 import numpy as np
 import torch
 
+from curiobench.build import build_agent, build_curriculum, build_replay
 from curiobench.config import RunConfig
-from curiobench.curriculum import CURRICULA
 from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
 from curiobench.files import now
-from curiobench.methods.agents.pairs import PairLayout
-from curiobench.methods.agents.sac import SAC, NonFiniteError
-from curiobench.methods.curriculum import Curriculum, Goals, Situation
+from curiobench.methods.agents.sac import NonFiniteError
+from curiobench.methods.curriculum import Situation
 from curiobench.methods.guard import blamed, goals_drawn
-from curiobench.methods.registry import make_agent, parse_spec
 from curiobench.methods.reward import Batch
-from curiobench.replay import EpisodeReplay, Episodes
+from curiobench.replay import Episodes
 from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking
-from curiobench.tasks.goals import GoalSpace
-from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
 from curiobench.tasks.registration import EPISODE_STEPS
-from curiobench.tasks.stacking import ACTION_SIZE
 
 STREAMS = ("worlds", "goals", "replay", "agent")
 """Random streams of a run, spawned from its seed by position: append only, or every run changes."""
@@ -85,57 +80,6 @@ def _peak_memory_mb() -> float:
         if line.startswith("VmHWM:"):  # the resource module would also count the process that started this one
             return int(line.split()[1]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024**2 if sys.platform == "darwin" else 1024)
-
-
-def pair_layout(goal_space: GoalSpace) -> PairLayout:
-    """Where the networks find blocks and predicate bits of a task."""
-    pairs = tuple((p.i, p.j, p.close, p.on_ij, p.on_ji) for p in goal_space.pairs)
-    return PairLayout(goal_space.n_blocks, pairs, BODY_SIZE, BLOCK_SIZE, ACTION_SIZE)
-
-
-def check_device(device: str) -> None:
-    """Raises ValueError where this machine does not have a device."""
-    name, _, number = device.partition(":")
-    if name == "cuda" and int(number or 0) >= torch.cuda.device_count():
-        raise ValueError(
-            f"device {device!r} is not available: torch finds {torch.cuda.device_count()} CUDA devices here"
-        )
-
-
-def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> SAC:
-    """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
-    check_device(config.device)
-    generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
-    layout = pair_layout(goal_space)
-    return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
-
-
-def goals_of(goal_space: GoalSpace) -> Goals:
-    """What curricula and relabellings see of a task's goals."""
-    pairs = np.array([(p.close, p.on_ij, p.on_ji) for p in goal_space.pairs])
-    return Goals(goal_space.goals.astype(np.uint8), goal_space.layers, pairs)
-
-
-def build_curriculum(config: RunConfig, goal_space: GoalSpace) -> Curriculum:
-    """The method's own curriculum, or that of the config."""
-    own = parse_spec(config.method).curriculum
-    return (own or CURRICULA[config.curriculum])(goals_of(goal_space), config.method_config if own else None)
-
-
-def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
-    """The empty replay of a config, memory-mapped in a folder if one is given."""
-    own = parse_spec(config.method).relabelling
-    return EpisodeReplay(
-        config.replay,
-        valid_goals=goal_space.goals,
-        compute_reward=BatchedStacking.compute_reward,
-        steps=EPISODE_STEPS,
-        observation_size=pair_layout(goal_space).observation_size,
-        action_size=ACTION_SIZE,
-        on_bits=goal_space.on_bits,
-        folder=folder,
-        relabelling=own and own(goals_of(goal_space), config.method_config),
-    )
 
 
 class TrainingState:

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from curiobench import checkpoint
 from curiobench.analysis.canvas import draw_learning_curve
+from curiobench.build import check_device
 from curiobench.config import RunConfig
 from curiobench.display import Display, check_tensorboard
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows, versions
-from curiobench.state import TrainingState, check_device, progress_row, result
+from curiobench.state import TrainingState, progress_row, result
 
 
 def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:

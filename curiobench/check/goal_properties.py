@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from curiobench.build import goals_of
 from curiobench.check import Finding
 from curiobench.check.properties import Broken, finding
 from curiobench.check.subject import global_generators, same, seeded_globals
@@ -17,7 +18,6 @@ from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.guard import goals_drawn, transitions_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
-from curiobench.state import goals_of
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import goal_space
 

@@ -15,12 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from curiobench.build import pair_layout
 from curiobench.check import Finding
 from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
-from curiobench.state import pair_layout
 from curiobench.tasks.goals import goal_space
 
 MAX_COST = 2.0

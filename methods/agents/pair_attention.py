@@ -142,10 +142,7 @@ class PairAttentionFunction(torch.autograd.Function):
         at_context = at_x.new_empty(members, len(contexts) * contexts.shape[1], at_x.shape[2])
         inputs = (array.numpy() for array in (at_x, at_scores, attention, x, scales_1))
         fused.first_layer_backward(*inputs, ctx.shape, norm, at_context.numpy())
-        few, to_contexts = (
-            ctx.trained * contexts.shape[1],
-            None,
-        )  # rows of the contexts that train the weights come first
+        few, to_contexts = ctx.trained * contexts.shape[1], None  # contexts that train the weights come first
         if ctx.needs_input_grad[0]:
             to_contexts = torch.zeros_like(contexts)
             to_others = torch.bmm(at_context[:, few:], first[:, :size].mT).baddbmm_(at_y[:, few:], of_again.mT).sum(0)

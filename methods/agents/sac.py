@@ -32,8 +32,7 @@ from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 
-LEAST_RATE = 0.1
-"""Share of the learning rate that is left when it has fallen."""
+LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
 
 
 class SAC:
@@ -42,11 +41,7 @@ class SAC:
     _STATEFUL = ("encoder", "actor", "critics", "target_critics", "optimiser")
 
     def __init__(
-        self,
-        layout: PairLayout,
-        config: SACConfig,
-        generator: torch.Generator,
-        method: IntrinsicReward | None = None,
+        self, layout: PairLayout, config: SACConfig, generator: torch.Generator, method: IntrinsicReward | None = None
     ) -> None:
         """
         Args:
@@ -55,8 +50,7 @@ class SAC:
             generator: its device is the agent's.
             method: the curiosity method, or None for the extrinsic reward alone.
         """
-        self.layout, self.config, self.generator = layout, config, generator
-        self.device = generator.device
+        self.layout, self.config, self.generator, self.device = layout, config, generator, generator.device
         curious = layout, config.tau, config.reward_window, self.device
         self.curiosity = None if method is None else Curiosity(method, *curious)
         self.encoder = PairEncoder(layout, config, self.device)
@@ -72,8 +66,7 @@ class SAC:
     def _train(self, weights: list[nn.Parameter]) -> None:
         """Set up Adam for these weights and, if it is tuned, the temperature."""
         self._trained = [*weights, *([self.log_alpha] if self.config.tune_temperature else [])]
-        on_cuda = self.device.type == "cuda"
-        rate = self.config.learning_rate
+        on_cuda, rate = self.device.type == "cuda", self.config.learning_rate
         rate = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
         self.optimiser = torch.optim.Adam(self._trained, lr=rate, fused=True, capturable=on_cuda)
 

@@ -11,13 +11,13 @@ import torch
 from side_by_side import ratio, side_by_side
 
 import curiobench  # noqa: F401  (registers the environments)
+from curiobench.build import pair_layout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
 from curiobench.replay import EpisodeReplay, ReplayConfig
 from curiobench.rollout import collect
-from curiobench.state import pair_layout
 from curiobench.tasks import BatchedStacking
 
 EPISODES, UPDATES = 40, 10

@@ -8,12 +8,12 @@ import pytest
 import torch
 from torch.nn.modules.module import register_module_forward_hook
 
+from curiobench.build import pair_layout
 from curiobench.check import properties
 from curiobench.check.properties import COST, PROPERTIES, cost, examine
 from curiobench.check.subject import Subject
 from curiobench.check.template import NewMethod
 from curiobench.methods.registry import REWARDS
-from curiobench.state import pair_layout
 from curiobench.tasks.goals import goal_space
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
+from curiobench.build import goals_of
 from curiobench.methods.curriculum import Goals, Situation
 from curiobench.methods.decstr import DECSTR, DECSTRConfig, buckets
-from curiobench.state import goals_of
 from curiobench.tasks.goals import goal_space
 
 THREE = goals_of(goal_space(3))
