@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from curiobench.methods.checks import check_option
-from curiobench.methods.guard import transitions_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.queues import Queues
 from curiobench.relabelling import KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
@@ -186,6 +185,8 @@ class EpisodeReplay:
         if self._relabelling is None:
             slot, step, desired = RELABELLINGS[self.config.relabelling](self, batch_size, generator)
         else:
+            from curiobench.methods.guard import transitions_drawn  # needs torch, which `train --help` does without
+
             slot, step, desired = transitions_drawn(self._relabelling, self, batch_size, generator)
         row = slot * (self.steps + 1) + step
         observation, achieved, action = (
