@@ -101,7 +101,7 @@ class Run:
         return load_agent(self.path, self.method)
 
     def _rows(self, name: str) -> pd.DataFrame:
-        return pd.read_csv(self.path / name, float_precision="round_trip", dtype={"bits": str})
+        return pd.read_csv(self.path / name, dtype={"bits": str})
 
 
 def train(
