@@ -1,6 +1,7 @@
 """The same work on several cores: processes that are forked, and so have imported everything already."""
 
 import gc
+import math
 import multiprocessing
 import os
 import signal
@@ -8,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, TypeVar
 
 Item, Result = TypeVar("Item"), TypeVar("Result")
@@ -23,7 +25,26 @@ _TOKENS = 4096 // _TOKEN
 def cores() -> int:
     """Number of processes for `parallel_map`: the cores that this process may use, at most `MOST`."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(usable, MOST)
+    return min(usable, quota(), MOST)
+
+
+def quota(root: Path = Path("/sys/fs/cgroup"), membership: Path = Path("/proc/self/cgroup")) -> int:
+    """Cores that control groups (version 2) leave this process, rounded up; a container's limit is one of these.
+
+    Args:
+        root: where control groups are mounted.
+        membership: the file that names this process's own.
+    """
+    lines = membership.read_text().splitlines() if membership.exists() else []
+    own = next((line.removeprefix("0::/") for line in lines if line.startswith("0::/")), "")
+    limits = []
+    for group in (root / own, *(root / own).parents):
+        with suppress(OSError, ValueError):
+            most, period = map(int, (group / "cpu.max").read_text().split())  # "max 100000" is no number
+            limits.append(max(1, math.ceil(most / period)))
+        if group == root:
+            break
+    return min(limits, default=sys.maxsize)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from curiobench.files import now
+from curiobench.workers import quota
 
 PROGRAM = ("-m", "curiobench")
 """What Python runs, before `train` and its arguments."""
@@ -132,7 +133,7 @@ class LocalLauncher(Launcher):
 def physical_cores() -> int:
     """Physical cores that this process may use; threads of one core count once, they would share it."""
     if not hasattr(os, "sched_getaffinity"):
-        return os.cpu_count() or 1
+        return min(os.cpu_count() or 1, quota())
     cores = set()
     for cpu in os.sched_getaffinity(0):
         topology = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology")
@@ -140,4 +141,4 @@ def physical_cores() -> int:
             cores.add(tuple((topology / name).read_text() for name in ("physical_package_id", "core_id")))
         except OSError:
             cores.add((str(cpu),))
-    return len(cores)
+    return min(len(cores), quota())

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from curiobench.workers import MOST, cores, no_collection, parallel_map
+from curiobench.workers import MOST, cores, no_collection, parallel_map, quota
 
 HERE = os.getpid()
 linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
@@ -139,3 +139,22 @@ def test_garbage_is_collected_again_afterwards():
 
 def test_cores_are_those_that_this_process_may_use():
     assert 1 <= cores() <= min(MOST, os.cpu_count())
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({}, sys.maxsize),
+        ({"": "max 100000", "pod": "max 100000"}, sys.maxsize),
+        ({"pod": "250000 100000", "pod/job": "max 100000"}, 3),
+        ({"": "400000 100000", "pod": "150000 100000", "pod/job": "50000 100000"}, 1),
+    ],
+)
+def test_a_container_s_limit_is_the_least_of_its_groups(tmp_path, limits, expected):
+    root, membership = tmp_path / "cgroup", tmp_path / "membership"
+    membership.write_text("9:name=systemd:/\n0::/pod/job\n")
+    (root / "pod" / "job").mkdir(parents=True)
+    for group, limit in limits.items():
+        (root / group / "cpu.max").write_text(limit + "\n")
+    assert quota(root, membership) == expected
+    assert quota(root, tmp_path / "none") == (sys.maxsize if limits.get("", "max").startswith("max") else 4)
