@@ -5,10 +5,11 @@ import fcntl
 import io
 import os
 import platform
+import shutil
 import subprocess
 import time
 from collections.abc import Container, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -49,14 +50,28 @@ class RunFolder(AbstractContextManager):
         """
         self.path, self.config = path, config
         self._longer: dict[str, Any] | None = None
+        self._created, self._begun = not path.exists(), False
+        self._new_lock = not (path / _LOCK).exists()
         with writing_to(path):
             path.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(path / _LOCK)
         try:
             self._claim(resume, command)
         except BaseException:
-            self.close()
+            self.withdraw()
             raise
+
+    def withdraw(self) -> None:
+        """Close the folder, and remove what this process made in it, where the run could not be begun."""
+        if self._begun:  # in a folder that held nothing else
+            (self.path / "config.json").unlink(missing_ok=True)
+            shutil.rmtree(self.mapped_replay, ignore_errors=True)
+        if self._new_lock:
+            (self.path / _LOCK).unlink(missing_ok=True)
+        if self._created:
+            with suppress(OSError):  # files of somebody else
+                self.path.rmdir()
+        self.close()
 
     @property
     def checkpoint(self) -> Path:
@@ -81,6 +96,7 @@ class RunFolder(AbstractContextManager):
             raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
         else:
             self._write_config(command)
+            self._begun = True
 
     def _continue(self, resume: bool, command: Sequence[str]) -> None:
         """Check that the run in the folder may continue. `lengthen` writes the record of one with more epochs."""

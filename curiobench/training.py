@@ -40,8 +40,11 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
         try:
             run = Run(folder, config, stop)
-        except (OSError, MemoryError) as error:
-            raise ValueError(f"cannot begin {out}: {error}") from error
+        except BaseException as error:
+            folder.withdraw()
+            if isinstance(error, OSError | MemoryError):
+                raise ValueError(f"cannot begin {out}: {error}") from error
+            raise
         try:
             run.to_the_end()
         except (Interrupted, KeyboardInterrupt):

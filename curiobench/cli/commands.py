@@ -224,6 +224,11 @@ def run(words: Sequence[str]) -> None:
     if name in ("-h", "--help"):
         print(USAGE)
         return
+    if name == "--version":
+        from curiobench import __version__
+
+        print(f"curiobench {__version__}")
+        return
     if name not in COMMANDS:
         raise ValueError(f"unknown command {name!r}; the commands are {', '.join(COMMANDS)}")
     command = COMMANDS[name]

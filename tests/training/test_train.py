@@ -57,6 +57,24 @@ def test_leaves_rows_result_and_picture(finished):
     assert not (finished / "checkpoint" / "replay").exists()
 
 
+@pytest.mark.parametrize("there", [False, True], ids=["new folder", "folder of a user's files"])
+def test_a_refused_run_leaves_nothing_and_takes_nothing(tmp_path, monkeypatch, there):
+    def no_memory(*arguments):
+        raise MemoryError("Unable to allocate 1 TiB")
+
+    path = tmp_path / "deep" / "run"
+    if there:
+        (path / "replay").mkdir(parents=True)
+        (path / "replay" / "mine.npy").write_text("mine")
+    else:
+        monkeypatch.setattr(training, "TrainingState", no_memory)
+    with pytest.raises(ValueError, match="holds 'replay'" if there else "cannot begin .*1 TiB"):
+        train(TINY, path)
+    assert sorted(tmp_path.rglob("*")) == (
+        [path.parent, path, path / "replay", path / "replay" / "mine.npy"] if there else [path.parent]
+    )
+
+
 def test_a_picture_that_cannot_be_drawn_costs_no_result(tmp_path, monkeypatch, capsys):
     def no_matplotlib(*arguments):
         raise ValueError("'nonsense' is not a valid value for backend")
