@@ -4,7 +4,7 @@ reached     the paper's: uniform over goals that an episode has ended in.
 valid       uniform over all valid goals.
 near        ours: half of the episodes pursue a reached goal that differs from their start in few predicates.
 
-A method may bring its own instead; see `curiobench/methods/curriculum.py`.
+A method may bring its own instead; see `methods/curriculum.py`.
 """
 
 from types import MappingProxyType

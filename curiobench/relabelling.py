@@ -1,7 +1,7 @@
 """Which transitions a batch holds, and under which desired goals: hindsight relabelling, at sample time.
 
 These are the relabellings that any method can run under, by the name that `ReplayConfig.relabelling` gives. A method
-may bring its own instead; see `curiobench/methods/relabelling.py`.
+may bring its own instead; see `methods/relabelling.py`.
 
 future      HER (Andrychowicz et al. 2017, arXiv 1707.01495): a goal that the episode achieves later, or its own.
 arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`, and steps under

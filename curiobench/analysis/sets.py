@@ -55,13 +55,16 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
 
 
 def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.DataFrame:
-    frame = pd.read_csv(path, dtype=dtypes, nrows=MAX_ROWS + 1, low_memory=False)
+    names = pd.read_csv(path, nrows=0).columns
+    missing = {name: [""] for name in names if dtypes.get(name) is not str}  # a run may be called NA
+    frame = pd.read_csv(
+        path, dtype=dtypes, nrows=MAX_ROWS + 1, low_memory=False, keep_default_na=False, na_values=missing
+    )
     if len(frame) > MAX_ROWS:
         raise ValueError(f"{path.name} has more than {MAX_ROWS:,} rows")
     if lacking := [name for name in required if name not in frame]:
         raise ValueError(f"{path.name} has no column {', '.join(lacking)}")
-    text = [name for name in frame if dtypes.get(name) is str]
-    return frame.assign(**{name: frame[name].fillna("") for name in text})
+    return frame
 
 
 def _run(

@@ -74,6 +74,13 @@ def test_configs_sums_and_bytes(make_runs, out, undrawn):
     assert files(out.with_name("v2")) == files(out)
 
 
+def test_names_that_pandas_reads_as_missing_are_names(make_runs, out, undrawn):
+    """A run folder may be called NA or nan."""
+    runs = make_runs(methods=("sac",), seeds=3)
+    publish([run.rename(run.with_name(name)) for run, name in zip(runs, ("NA", "nan", "null"), strict=True)], out)
+    assert sorted(load(out).runs["run"]) == ["NA", "nan", "null"]
+
+
 def rising(task, method, seed, epoch, goal):
     return min(1, (epoch + seed) / 10)
 
