@@ -62,6 +62,10 @@ class Agent:
         for name, part, size in zip(PARTS, parts, (layout.observation_size, *[layout.goal_size] * 2), strict=True):
             if part.ndim not in (1, 2) or part.shape[-1] != size:
                 raise ValueError(f"{name} has shape {part.shape}; expected ({size},) or (N, {size})")
+        if len({part.shape[:-1] for part in parts}) > 1:
+            raise ValueError(
+                f"the parts of the observation have shapes {[part.shape for part in parts]}; one N is expected"
+            )
         actions = self._agent.act(*map(np.atleast_2d, parts), deterministic)
         return (actions if parts[0].ndim == 2 else actions[0]), None
 
@@ -122,7 +126,7 @@ def train(
         preset: gives the defaults of all options.
         seed: of all randomness in training.
         out: the run folder.
-        resume: continue what is there, or begin.
+        resume: continue what is there under the same options, or begin.
         options: any other options, by the names that `curiobench train --help` shows: {"epochs": 2, "sac.gamma": 0.9}.
 
     Raises:
@@ -134,7 +138,7 @@ def train(
     flags = [flag for name, value in (axes | dict(options or {})).items() for flag in flags_of(name, value)]
     parsed = parse_train([*flags, *(["--resume"] if resume else [])])
     train_run(parsed.config, parsed.out, parsed.resume, ("curiobench", "train", *flags))
-    return load_run(out, method)
+    return load_run(parsed.out, parsed.config.method)
 
 
 def load_run(path: str | Path, method: str | None = None) -> Run:

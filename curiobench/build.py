@@ -1,6 +1,7 @@
 """What a run is made of, from its config: agent, curriculum and replay."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -10,13 +11,17 @@ from curiobench.curriculum import CURRICULA
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.curriculum import Curriculum, Goals
+from curiobench.methods.plugins import file_of, summary
 from curiobench.methods.registry import make_agent, parse_spec
+from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
 from curiobench.tasks.registration import EPISODE_STEPS
 from curiobench.tasks.stacking import ACTION_SIZE
+
+Goal = TypeVar("Goal", Curriculum, Relabelling)
 
 
 def pair_layout(goal_space: GoalSpace) -> PairLayout:
@@ -51,7 +56,7 @@ def goals_of(goal_space: GoalSpace) -> Goals:
 def build_curriculum(config: RunConfig, goal_space: GoalSpace) -> Curriculum:
     """The method's own curriculum, or that of the config."""
     own = parse_spec(config.method).curriculum
-    return (own or CURRICULA[config.curriculum])(goals_of(goal_space), config.method_config if own else None)
+    return _built(own, config, goal_space) if own else CURRICULA[config.curriculum](goals_of(goal_space))
 
 
 def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
@@ -66,5 +71,14 @@ def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None =
         action_size=ACTION_SIZE,
         on_bits=goal_space.on_bits,
         folder=folder,
-        relabelling=own and own(goals_of(goal_space), config.method_config),
+        relabelling=own and _built(own, config, goal_space),
     )
+
+
+def _built(method: type[Goal], config: RunConfig, goal_space: GoalSpace) -> Goal:
+    """A curriculum or a relabelling; raises ValueError, with its file, where building it raises."""
+    try:
+        return method(goals_of(goal_space), config.method_config)
+    except Exception as error:
+        where = f"method {config.method!r} in {file_of(method)}"
+        raise ValueError(f"{where}: building it raised {summary(error)}") from error

@@ -19,7 +19,7 @@ import torch
 from curiobench.files import read_json, replace_file, write_json
 from curiobench.methods.guard import MethodError
 
-FORMAT = "curiobench checkpoint 3"
+FORMAT = "curiobench checkpoint 4"
 KEPT = 2
 """Checkpoints kept: the newest, and the one before in case that is damaged."""
 
@@ -33,6 +33,10 @@ _FAULTS = (
 
 class CheckpointError(ValueError):
     """A checkpoint cannot be used; one line that names the file and says why."""
+
+
+class _OtherFormat(ValueError):
+    """A checkpoint of another version of this package; those before it are, too."""
 
 
 def save(folder: Path, fingerprint: str, agent: dict[str, Any], values: dict[str, Any]) -> None:
@@ -72,8 +76,9 @@ def load(folder: Path, fingerprint: str) -> tuple[dict[str, Any], dict[str, Any]
         return None
     with errors_named(folder):
         manifest = read_json(_manifest_path(folder, number))
-        if manifest.get("format") != FORMAT:
-            raise ValueError(f"its format is {manifest.get('format')!r}, not {FORMAT!r}")
+        if (found := manifest.get("format")) != FORMAT:
+            kind = _OtherFormat if str(found).startswith("curiobench checkpoint") else ValueError
+            raise kind(f"its format is {found!r}; this curiobench reads {FORMAT!r} only")
         if manifest["fingerprint"] != fingerprint:
             raise ValueError("it belongs to a run with another config")
         values = manifest["values"]
@@ -99,7 +104,7 @@ def errors_named(folder: Path) -> Iterator[None]:
         first_line = error if readable else f"{type(error).__name__} {error}".splitlines()[0]
         *before, newest = sorted(_numbers(folder))
         # where it is the method that raises, the file is as it was written
-        go_back = before and not isinstance(error, MethodError)
+        go_back = before and not isinstance(error, MethodError | _OtherFormat)
         advice = f"; delete it to go back to checkpoint {before[-1]}" if go_back else ""
         raise CheckpointError(f"cannot use {_manifest_path(folder, newest)}: {first_line}{advice}") from error
 

@@ -21,7 +21,8 @@ from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
 from curiobench.files import now
 from curiobench.methods.agents.sac import NonFiniteError
 from curiobench.methods.curriculum import Situation
-from curiobench.methods.guard import blamed, goals_drawn
+from curiobench.methods.goal_guard import curriculum_metrics, curriculum_state, goal_weights, goals_drawn
+from curiobench.methods.guard import blamed
 from curiobench.methods.reward import Batch
 from curiobench.replay import Episodes
 from curiobench.rollout import collect, successes
@@ -110,7 +111,7 @@ class TrainingState:
         self.agent = build_agent(config, self._goal_space, streams["agent"])
         self.replay = build_replay(config, self._goal_space, mapped_replay if config.machine.replay_on_disk else None)
         self.curriculum = build_curriculum(config, self._goal_space)
-        self.replay.goal_weights = self.curriculum.replay_weights()
+        self.replay.goal_weights = goal_weights(self.curriculum)
 
     def collect(self) -> None:
         """One episode in every world, into the replay, the normalisers and the set of reached goals."""
@@ -127,6 +128,7 @@ class TrainingState:
         ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
         with blamed(self.curriculum, "observe"):
             self.curriculum.observe(goals[whole], ends, tested[whole])
+        self.replay.goal_weights = goal_weights(self.curriculum)
         self.reached[ends[ends >= 0]] = True
         self.counters.steps += size * EPISODE_STEPS
         self._count(episodes)
@@ -170,7 +172,7 @@ class TrainingState:
         """Count an epoch and start the sums of the next."""
         with blamed(self.curriculum, "end_epoch"):
             self.curriculum.end_epoch()
-        self.replay.goal_weights = self.curriculum.replay_weights()
+        self.replay.goal_weights = goal_weights(self.curriculum)
         self.counters.epoch += 1
         self.counters.cycle = 0
         self.counters.sums.clear()
@@ -185,7 +187,7 @@ class TrainingState:
             "replay": self.replay.save(folder),
             "counters": asdict(self.counters),
             "reached": self.reached.tolist(),
-            "curriculum": self.curriculum.state_dict(),
+            "curriculum": curriculum_state(self.curriculum),
             "worlds": {"rng": self._worlds.rng.bit_generator.state, "divergences": self._worlds.divergences},
             "generators": {name: g.bit_generator.state for name, g in self._generators.items()},
         }
@@ -197,8 +199,9 @@ class TrainingState:
         """
         self.counters = Counters(**values["counters"])
         self.reached[:] = values["reached"]
-        self.curriculum.load_state_dict(values["curriculum"])
-        self.replay.goal_weights = self.curriculum.replay_weights()
+        with blamed(self.curriculum, "load_state_dict"):
+            self.curriculum.load_state_dict(values["curriculum"])
+        self.replay.goal_weights = goal_weights(self.curriculum)
         self._worlds.rng.bit_generator.state = values["worlds"]["rng"]
         self._worlds.divergences = values["worlds"]["divergences"]
         for name, generator in self._generators.items():
@@ -223,7 +226,7 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
         "success": None if evaluation is None else float(evaluation.success_rates.mean()),
     }
     row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
-    row |= {name: value for name, value in state.curriculum.metrics().items() if name not in row}
+    row |= curriculum_metrics(state.curriculum)
     seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
     return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
 

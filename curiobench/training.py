@@ -13,6 +13,7 @@ from curiobench.config import RunConfig
 from curiobench.display import Display, check_tensorboard
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
+from curiobench.methods.guard import MethodError
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows, versions
 from curiobench.state import TrainingState, progress_row, result
@@ -42,7 +43,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
             run = Run(folder, config, stop)
         except BaseException as error:
             folder.withdraw()
-            if isinstance(error, OSError | MemoryError):
+            if isinstance(error, OSError | MemoryError | MethodError):
                 raise ValueError(f"cannot begin {out}: {error}") from error
             raise
         try:

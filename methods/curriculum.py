@@ -46,7 +46,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class NoSettings:
-    """A curriculum or relabelling without settings."""
+    """A method without settings."""
 
 
 class Curriculum(ABC):

@@ -73,6 +73,7 @@ class Disagreement(LearnedReward):
         """One step of all models. Metrics: disagreement_loss, the mean over models before that step."""
         errors = (self.predictions(transitions) - transitions.next_state).square().mean(2)
         k, rows = (torch.arange(size, device=errors.device) for size in errors.shape)
-        losses = (errors * (rows % len(k) != k.unsqueeze(1))).mean(1)
+        kept = rows % len(k) != k.unsqueeze(1)
+        losses = (errors * kept).sum(1) / kept.sum(1)
         descend(self.optimiser, losses.sum())
         return {"disagreement_loss": losses.detach().mean()}

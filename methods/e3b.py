@@ -1,7 +1,7 @@
 """E3B, exploration via elliptical episodic bonuses (Henaff et al. 2022, arXiv 2210.05805): new within the episode.
 
     phi(s)   features that let a network infer the action (ICM's inverse model)
-    C_t    = ridge · I + sum over i = 1 … t of phi(s_i) phi(s_i)ᵀ          the episode's steps before
+    C_t    = ridge · I + sum over i = 0 … t of phi(s_i) phi(s_i)ᵀ          the episode's states before
     r_int  = phi(s_{t+1})ᵀ C_t⁻¹ phi(s_{t+1})
     loss   = mean squared error of the inferred action
 
@@ -11,7 +11,6 @@ Differences from the authors' code (facebookresearch/e3b), which works with IMPA
 
 - C_t is summed up from the whole episode for each sampled transition, with the features of today; theirs grows while
   the episode is collected, with the features of then.
-- s_0, where the episode begins, is not in C_t: the agent did not bring it about.
 - Perceptrons on the agent's normalised state.
 """
 
@@ -61,13 +60,13 @@ class E3B(LearnedReward):
         """r_int (B,)."""
         features = self.phi(transitions.episode_states)  # (B, T + 1, F)
         place = torch.arange(features.shape[1], device=features.device)
-        before = (place >= 1) & (place <= transitions.step.unsqueeze(1))
-        visited = features * before.unsqueeze(2)
-        ridge = self.config.ridge * torch.eye(features.shape[2], device=features.device)
+        before = place <= transitions.step.unsqueeze(1)
+        visited = (features * before.unsqueeze(2)).double()  # in float32 a long rest makes C singular
+        ridge = self.config.ridge * torch.eye(features.shape[2], dtype=torch.float64, device=features.device)
         covariance = visited.mT @ visited + ridge
-        reached = self.phi(transitions.next_state).unsqueeze(2)
+        reached = self.phi(transitions.next_state).unsqueeze(2).double()
         whitened = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), reached, upper=False)
-        return whitened.square().sum((1, 2))
+        return whitened.square().sum((1, 2)).float()
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
         """One step of the features. Metrics: e3b_inverse_loss, before that step."""

@@ -8,14 +8,12 @@ every CUDA_CHECK_EVERY updates. `Curiosity` asks for them.
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.plugins import Method, file_of, summary
-from curiobench.methods.relabelling import Draw, Relabelling, Replay
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
@@ -56,50 +54,12 @@ def blamed(method: Method, call: str, update: int | None = None) -> Iterator[Non
         raise fault(method, update, f"{call}() raised {summary(error)}") from error
 
 
-def goals_drawn(
-    curriculum: Curriculum, situation: Situation, generator: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """What a curriculum draws; raises MethodError unless it is N positions of goals and N bools."""
-    with blamed(curriculum, "draw"):
-        goals, tested = curriculum.draw(situation, generator)
-    n, n_goals = len(situation.start), len(situation.reached)
-    if found := _flaw_of_positions(goals, n, n_goals):
-        raise fault(curriculum, None, f"draw() returned goals that are {found}")
-    if not isinstance(tested, np.ndarray) or tested.shape != (n,) or tested.dtype != bool:
-        raise fault(
-            curriculum, None, f"draw() returned tests that are {_outline(tested)}; expected bool of shape {(n,)}"
-        )
-    return goals, tested
-
-
-def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, generator: np.random.Generator) -> Draw:
-    """What a relabelling draws; raises MethodError unless it is `size` slots, steps and goals."""
-    with blamed(relabelling, "draw"):
-        slot, step, desired = relabelling.draw(replay, size, generator)
-    for what, positions, limit in (("slots", slot, len(replay)), ("steps", step, replay.steps)):
-        if found := _flaw_of_positions(positions, size, limit):
-            raise fault(relabelling, None, f"draw() returned {what} that are {found}")
-    shape = size, replay.arrays["desired_goal"].shape[-1]
-    if not isinstance(desired, np.ndarray) or desired.shape != shape or desired.dtype != np.uint8:
-        raise fault(relabelling, None, f"draw() returned {_outline(desired)} as goals; expected uint8 of shape {shape}")
-    return slot, step, desired
-
-
-def _flaw_of_positions(positions: object, size: int, limit: int) -> str | None:
-    """What is wrong with `size` integers in [0, limit); None if nothing is."""
-    if not isinstance(positions, np.ndarray) or positions.shape != (size,) or positions.dtype.kind not in "iu":
-        return f"{_outline(positions)}; expected integers of shape {(size,)}"
-    if positions.size and not (positions.min() >= 0 and positions.max() < limit):
-        return f"{positions.min()} to {positions.max()}; expected 0 to {limit - 1}"
-    return None
-
-
 def flaw_of_reward(reward: object, size: int) -> str | None:
     """What is wrong with the form of a batch of `size` rewards, and what was expected; None if nothing is."""
     if not isinstance(reward, Tensor) or reward.shape != (size,):
-        return f"{_outline(reward)}; expected a tensor of shape {(size,)}, a reward a transition"
+        return f"{outline(reward)}; expected a tensor of shape {(size,)}, a reward a transition"
     if reward.dtype != torch.float32:
-        return f"{_outline(reward)}; expected torch.float32"
+        return f"{outline(reward)}; expected torch.float32"
     if reward.requires_grad:
         return "a tensor that carries gradients; expected none: put @torch.no_grad() above reward()"
     return None
@@ -117,7 +77,7 @@ def flaw_of_values(numbers: Tensor) -> str | None:
 def flaw_of_term(term: object, size: int) -> str | None:
     """What is wrong with the form of a term in the policy's loss of `size` transitions; None if nothing is."""
     if not isinstance(term, Tensor) or term.shape != (size,) or term.dtype != torch.float32:
-        return f"{_outline(term)}; expected a torch.float32 tensor of shape {(size,)}"
+        return f"{outline(term)}; expected a torch.float32 tensor of shape {(size,)}"
     return None
 
 
@@ -127,17 +87,24 @@ def flaw_of_metrics(metrics: object, before: Collection[str] | None = None) -> s
     `before` names those of the update before.
     """
     if not isinstance(metrics, dict):
-        return f"{_outline(metrics)}; expected a dict of metrics"
-    if odd := [name for name in metrics if not isinstance(name, str) or not _METRIC.fullmatch(name)]:
-        return f"a metric named {odd[0]!r:.80}; expected a letter, then letters, digits and _ . / -"
-    if taken := sorted(metrics.keys() & TAKEN):
-        return f"the metric {taken[0]}, which is the agent's own; expected another name, such as my_{taken[0]}"
+        return f"{outline(metrics)}; expected a dict of metrics"
+    if found := flaw_of_names(metrics):
+        return found
     if before is not None and metrics.keys() != set(before):
         odd = min(metrics.keys() ^ set(before))
         return f"{'a' if odd in metrics else 'no'} metric {odd}, unlike the update before; expected the same each time"
     for name, value in metrics.items():
         if not isinstance(value, Tensor) or value.shape != () or value.requires_grad:
-            return f"{name} = {_outline(value)}; expected a scalar tensor without gradients"
+            return f"{name} = {outline(value)}; expected a scalar tensor without gradients"
+    return None
+
+
+def flaw_of_names(metrics: dict[Any, Any]) -> str | None:
+    """What is wrong with the names of metrics, which are columns of progress.csv; None if nothing is."""
+    if odd := [name for name in metrics if not isinstance(name, str) or not _METRIC.fullmatch(name)]:
+        return f"a metric named {odd[0]!r:.80}; expected a letter, then letters, digits and _ . / -"
+    if taken := sorted(metrics.keys() & TAKEN):
+        return f"the metric {taken[0]}, which is the agent's own; expected another name, such as my_{taken[0]}"
     return None
 
 
@@ -154,9 +121,8 @@ def flaw_of_state(state: object, name: str = "state") -> str | None:
     return next(filter(None, (flaw_of_state(value, part) for part, value in parts.items())), None)
 
 
-def _outline(value: object) -> str:
-    if isinstance(value, np.ndarray):
-        return f"a {value.dtype} array of shape {value.shape}"
+def outline(value: object) -> str:
+    """What a value is, for messages."""
     if not isinstance(value, Tensor):
         return f"a {type(value).__name__}"
     gradients = " that carries gradients" if value.requires_grad else ""

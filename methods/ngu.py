@@ -81,8 +81,10 @@ class NGU(LearnedReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,)."""
-        config, usual = self.config, self.distances.mean.clamp(min=1e-8).float()
-        relative = (self.nearest(transitions) / usual - config.cluster).clamp(min=0)
+        config, nearest = self.config, self.nearest(transitions)
+        of_batch = nearest[nearest.isfinite()].double().mean()  # before there is a past
+        usual = torch.where(self.distances.count > 0, self.distances.mean, of_batch).clamp(min=1e-8).float()
+        relative = (nearest / usual - config.cluster).clamp(min=0)
         similarity = (config.epsilon / (relative + config.epsilon)).sum(1).sqrt() + config.c
         return torch.where(similarity > config.most, 0.0, 1 / similarity)
 

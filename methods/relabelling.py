@@ -30,7 +30,10 @@ class Replay(Protocol):
 
 
 class Relabelling(ABC):
-    """Draws transitions. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`."""
+    """Draws transitions. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`.
+
+    It keeps no state: a checkpoint does not hold it.
+    """
 
     Config: type = NoSettings
     idea: ClassVar[str] = ""

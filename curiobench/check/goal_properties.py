@@ -15,7 +15,7 @@ from curiobench.check import Finding
 from curiobench.check.properties import Broken, finding
 from curiobench.check.subject import global_generators, same, seeded_globals
 from curiobench.methods.curriculum import Curriculum, Situation
-from curiobench.methods.guard import goals_drawn, transitions_drawn
+from curiobench.methods.goal_guard import goals_drawn, transitions_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 from curiobench.tasks import BatchedStacking
@@ -90,7 +90,8 @@ def curriculum_round_trip(method: type[Curriculum], n_blocks: int) -> None:
     for curriculum in (first, second):
         drawn = curriculum.draw(_situation(n_blocks, 2), np.random.default_rng(0))
         curriculum.end_epoch()
-        histories.append([_lists(drawn), dict(curriculum.metrics()), curriculum.state_dict()])
+        weights = _lists([curriculum.replay_weights()])
+        histories.append([_lists(drawn), weights, dict(curriculum.metrics()), curriculum.state_dict()])
     _expect(same(*histories), "training to go on alike in a new one that loads the state", "something else")
 
 

@@ -43,7 +43,7 @@ class NewMethod(LearnedReward):
     Config = NewMethodConfig
 
     # The attributes that checkpoints keep. Each has state_dict and load_state_dict: networks, optimisers, moments. For
-    # anything else (a counter, a memory of states) extend these two methods, as RE3 does.
+    # anything else (a counter, a memory of states) write these two methods, as methods/counts.py does.
     _STATEFUL = ("model", "optimiser")
 
     def __init__(self, state_size: int, action_size: int, config: NewMethodConfig, generator: torch.Generator) -> None:

@@ -49,4 +49,4 @@ def _method_line(spec: str) -> str:
         return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
     if parsed.hybrid:
         return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism (Han et al. 2023)"
-    return f"{parsed.method.idea} ({parsed.method.paper})"
+    return parsed.method.idea + (f" ({parsed.method.paper})" if parsed.method.paper else "")

@@ -158,7 +158,9 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     would be compared with each other, and a reward would depend on how long the block rests afterwards.
     """
     n, size, n_particles = len(probed.reward), others(run), run.agent.n_particles
-    parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name != "particles"}
+    episodes = () if run.agent.uses_episode else ("episode_observation", "episode_achieved_goal")
+    wanted = vars(probed).keys() - {"particles", *episodes}
+    parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name in wanted}
     together = Batch(
         **{name: torch.cat(both)[: n + size] for name, both in parts.items() if all(part is not None for part in both)}
     )

@@ -237,3 +237,33 @@ def test_a_package_brings_its_own_curriculum_and_its_own_relabelling(cli, tmp_pa
     code, _, err = cli("train", *FLAGS, "--method", "my_goals:Beyond", "--out", "beyond")
     assert code == 1
     assert re.search(r"Beyond in .*my_goals\.py: draw\(\) returned steps that are .*; expected 0 to 49", err)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (
+            "def replay_weights(self): return -np.ones(4)",
+            r"replay_weights\(\) returned -1.0 to -1.0; expected at least 0",
+        ),
+        (
+            "def replay_weights(self): return np.ones(3)",
+            r"replay_weights\(\) returned .* \(3,\); expected floats .* \(4,\)",
+        ),
+        (
+            "def metrics(self): return {'success': 1.0}",
+            r"metrics\(\) returned the metric success, which is the agent's own",
+        ),
+        (
+            "def metrics(self): return {'mine': float('nan')}",
+            r"metrics\(\) returned mine = nan; expected a finite number",
+        ),
+        ("def state_dict(self): return {'n': np.int64(3)}", r"state_dict\(\) raised TypeError: .*int64"),
+        ("def __init__(self, goals, config): {}['a']", r"building it raised KeyError: 'a'"),
+    ],
+)
+def test_a_fault_of_a_curriculum_names_it_and_its_file(cli, tmp_path, fault, message):
+    (tmp_path / "my_goals.py").write_text(f"{GOALS}\nclass Faulty(First):\n    {fault}\n")
+    code, _, err = cli("train", *FLAGS, "--method", "my_goals:Faulty", "--out", "run")
+    assert code == (2 if "building" in message else 1)
+    assert re.search(rf"my_goals:Faulty'? in .*my_goals\.py: {message}", err), err

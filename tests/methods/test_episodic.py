@@ -25,7 +25,7 @@ def e3b(method: E3B, batch) -> np.ndarray:
     rewards = []
     for i, step in enumerate(batch.step.tolist()):
         features = features_of(method, batch.episode_states[i])
-        before = features[1 : step + 1]
+        before = features[: step + 1]
         covariance = method.config.ridge * np.eye(3) + before.T @ before
         rewards.append(features[step + 1] @ np.linalg.inv(covariance) @ features[step + 1])
     return np.array(rewards)
@@ -62,7 +62,7 @@ def test_e3b_with_one_hot_features_counts_visits():
     method.phi.encoder = torch.nn.Identity()
     states = torch.eye(3)[torch.tensor([[0, 1, 1, 2, 1, 0]] * 2)]
     batch = replace(batch, episode_states=states, step=torch.tensor([3, 4]), next_state=states[[0, 1], [4, 5]])
-    assert method.reward(batch).tolist() == pytest.approx([1 / 2.25, 1 / 0.25])
+    assert method.reward(batch).tolist() == pytest.approx([1 / 2.25, 1 / 1.25])
 
 
 def with_one_predicate(batch):
@@ -89,6 +89,24 @@ def test_ngu_in_numpy(k):
     np.testing.assert_allclose(method.reward(batch), ngu(method, batch, usual), rtol=1e-3)
 
 
+def test_the_first_reward_of_ngu_has_the_scale_of_later_ones():
+    """Before there are past distances, the batch's own are what is usual."""
+    method = some_method(NGU)
+    first = method.reward(random_transitions(64)).mean()
+    for seed in range(3):
+        method.update(random_transitions(64, seed))
+    assert 0.5 < first / method.reward(random_transitions(64, 5)).mean() < 2
+
+
+def test_e3b_bears_large_features_that_hardly_change():
+    method, batch = some_method(E3B), random_transitions(8)
+    method.phi.encoder = torch.nn.Linear(3, 3)
+    with torch.no_grad():
+        method.phi.encoder.weight.mul_(1e-3)
+        method.phi.encoder.bias.fill_(1e4)
+    assert method.reward(batch).isfinite().all()
+
+
 def test_ngu_gives_nothing_for_what_the_episode_knows():
     method, batch = some_method(NGU, most=1.5), random_transitions(8)
     method.update(batch)
@@ -98,7 +116,11 @@ def test_ngu_gives_nothing_for_what_the_episode_knows():
 
 
 MISTAKES = {
-    "e3b counts the state itself": (E3B, "<= transitions.step.unsqueeze(1))", "<= transitions.step.unsqueeze(1) + 1)"),
+    "e3b counts the state itself": (
+        E3B,
+        "place <= transitions.step.unsqueeze(1)",
+        "place <= transitions.step.unsqueeze(1) + 1",
+    ),
     "ride does not count the state itself": (
         RIDE,
         "transitions.step.unsqueeze(1) + 1",
