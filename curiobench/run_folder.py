@@ -4,20 +4,16 @@ import csv
 import fcntl
 import io
 import os
-import platform
 import shutil
-import subprocess
 import time
 from collections.abc import Container, Sequence
 from contextlib import AbstractContextManager, suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
 from curiobench.files import now, read_json, write_json, writing_to
-from curiobench.protocol import EVALUATION_SEED
-from curiobench.tasks.registration import TASK_VERSION
+from curiobench.versions import versions
 
 FORMAT = "curiobench run"
 CHECKPOINT = Path("checkpoint")
@@ -30,8 +26,6 @@ _BEFORE_CONFIG = {_LOCK, "config.json.partial"}
 _LOCK_ATTEMPTS, _LOCK_PAUSE = 4, 0.05
 """`is_locked` holds the lock for an instant."""
 CSV_FILES = ("progress.csv", "evaluations.csv")
-PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
-"""Packages whose versions decide the numbers of a run, with Python's own."""
 
 
 class RunFolder(AbstractContextManager):
@@ -277,29 +271,3 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         return []
     with open(path, newline="") as file:
         return list(csv.DictReader(file))
-
-
-def versions(method: str) -> dict[str, str | int | None]:
-    """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, and
-    the git commit of this package if it has any.
-
-    Where the method spec `method` is of a method from outside, also that method's file and its digest.
-    """
-    from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
-
-    packages = {name: version(name) for name in PACKAGES}
-    protocol = {"task_version": TASK_VERSION, "evaluation_seed": EVALUATION_SEED}
-    return {"python": platform.python_version(), **packages, **protocol, "git_commit": git_commit()} | traced(method)
-
-
-def git_commit() -> str | None:
-    """Commit of the working copy that this package is imported from, "-dirty" if altered; None where there is none."""
-    root = Path(__file__).resolve().parent.parent
-    if not (root / ".git").exists():
-        return None  # an installed package; a repository further up is not its own
-    command = ["git", "-C", str(root), "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
-    try:
-        answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return answer.stdout.strip()

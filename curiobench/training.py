@@ -15,8 +15,9 @@ from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.methods.guard import MethodError
 from curiobench.methods.process import tune_process
-from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows, versions
+from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
 from curiobench.state import TrainingState, progress_row, result
+from curiobench.versions import versions
 
 
 def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:

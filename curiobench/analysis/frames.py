@@ -20,7 +20,7 @@ from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows, 
 from curiobench.analysis.sets import read_set
 from curiobench.errors import one_line
 from curiobench.methods.specs import canonical
-from curiobench.run_folder import PACKAGES
+from curiobench.versions import PACKAGES
 from curiobench.workers import no_collection, parallel_map
 
 METHOD_ORDER = (

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from curiobench.analysis.runs import decisive
 from curiobench.options import flatten
 from curiobench.presets import PRESETS, preset
-from curiobench.run_folder import PACKAGES
 from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.versions import PACKAGES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,8 +18,8 @@ from curiobench.analysis.style import count, line_style, seeds_in_words
 from curiobench.analysis.summaries import Estimate, Value
 from curiobench.analysis.tables import Column, Table
 from curiobench.options import flatten
-from curiobench.run_folder import PACKAGES
 from curiobench.tasks.registration import n_blocks_of
+from curiobench.versions import PACKAGES
 
 FAR_BELOW = 0.5  # share of the paper's steps below which the scale of runs is warned of
 MOST_NAMES = 3  # names in a sentence, before it only counts

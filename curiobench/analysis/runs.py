@@ -15,8 +15,9 @@ from curiobench.analysis.rows import asked, read_evaluations, read_progress
 from curiobench.config import CONFIG_VERSION, LARGEST_SEED, with_later_fields
 from curiobench.files import read_json
 from curiobench.methods.specs import HYBRID, canonical, shown
-from curiobench.run_folder import PACKAGES, read_record
+from curiobench.run_folder import read_record
 from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+from curiobench.versions import PACKAGES
 
 MAX_JSON_BYTES = 1 << 20
 LARGEST_NUMBER = 1e15  # of steps, updates, seconds and the like; more cannot be

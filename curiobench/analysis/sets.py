@@ -11,7 +11,7 @@ import pandas as pd
 from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, check_sums
 from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check
 from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
-from curiobench.run_folder import PACKAGES
+from curiobench.versions import PACKAGES
 
 MAX_ROWS = 20_000_000  # rows that are read of a file at most: a compressed one may be far larger than it looks
 _TEXT = (

@@ -6,7 +6,7 @@ import pytest
 from curiobench import rollout
 from curiobench.evaluation import Evaluator
 from curiobench.protocol import satisfied_starts
-from curiobench.run_folder import versions
+from curiobench.versions import versions
 
 
 class Still:
