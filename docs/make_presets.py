@@ -35,13 +35,15 @@ def evaluation(run: Path, epoch: int) -> list[dict[str, str]]:
     return [row for row in read_rows(run / "evaluations.csv") if int(row["epoch"]) == epoch]
 
 
-def curve_table(runs: Iterable[Path]) -> str:
-    """A row a run and evaluation, the untrained agent's apart."""
+def curve_table(runs: Iterable[Path], every: int = 1) -> str:
+    """One row per run and evaluation of every so many epochs, and of the last one; the untrained agent's apart."""
     table = []
     for run in runs:
-        for progress in read_rows(run / "progress.csv"):
-            rows = evaluation(run, int(progress["epoch"]))
-            if rows:
+        of_run = read_rows(run / "progress.csv")
+        for progress in of_run:
+            epoch = int(progress["epoch"])
+            rows = evaluation(run, epoch)
+            if rows and (epoch % every == 0 or progress is of_run[-1]):
                 minutes = f"{float(progress['seconds']) / 60:.1f}"
                 learned = f"{sum(int(row['learned']) for row in rows)} of {len(rows)}"
                 head = [run.name, progress["epoch"], progress["updates"], minutes]
@@ -89,12 +91,12 @@ if __name__ == "__main__":
     stack2 = sorted(RUNS.glob("stack2-sac-?"))
     tables = {
         "stack2": curve_table(stack2),
-        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?"))),
-        "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?"))),
+        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?")), every=8),
+        "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?")), every=100),
         "parts": parts_table(stack2[:2], sorted(RUNS.glob("parts/*"))),
         "sb3 on stack2": sb3_table(RUNS / "sb3-stack2.csv"),
         "sb3 on stack3": sb3_table(RUNS / "sb3-stack3.csv"),
-        "plain starts": curve_table(sorted(RUNS.glob("plain/*"))),
+        "plain starts": curve_table(sorted(RUNS.glob("plain/*")), every=4),
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))
