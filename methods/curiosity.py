@@ -84,30 +84,30 @@ class Curiosity:
             normalise: raw observations (..., D) to states.
         """
         before, after = map(self.visible, states)
-        extra = {name: self._tensor(part) for name, part in vars(batch).items() if part is not None}
-        numbers = {"step": batch.step, "episode": batch.episode}
-        seen = {
-            name: self.visible(normalise(extra[source]))
-            for name, source in (("particles", "particles"), ("episode_states", "episode_observation"))
-            if source in extra
-        }
+
+        def moved(part: Tensor | None, dtype: torch.dtype | None = torch.float32) -> Tensor | None:
+            return None if part is None else part.to(before.device, dtype or part.dtype)
+
+        def seen(raw: Tensor | None, wanted: bool) -> Tensor | None:
+            return self.visible(normalise(moved(raw))) if wanted and raw is not None else None
+
+        whole = self.method.uses_episode
         return Transitions(
             before,
-            extra["action"],
+            moved(batch.action),
             after,
             epoch,
             policy,
-            achieved_goal=extra["achieved_goal"],
-            next_achieved_goal=extra["next_achieved_goal"],
-            raw_state=extra["observation"],
-            raw_next_state=extra["next_observation"],
-            **{name: None if part is None else part.to(before.device) for name, part in numbers.items()},
-            episode_achieved_goals=extra.get("episode_achieved_goal"),
-            **seen,
+            seen(batch.particles, self.method.n_particles > 0),
+            achieved_goal=moved(batch.achieved_goal),
+            next_achieved_goal=moved(batch.next_achieved_goal),
+            raw_state=moved(batch.observation),
+            raw_next_state=moved(batch.next_observation),
+            step=moved(batch.step, None),
+            episode=moved(batch.episode, None),
+            episode_states=seen(batch.episode_observation, whole),
+            episode_achieved_goals=moved(batch.episode_achieved_goal) if whole else None,
         )
-
-    def _tensor(self, part: Tensor) -> Tensor:
-        return part.to(self.moments.mean.device, torch.float32)
 
     def observe(self, observation: Tensor, action: Tensor, achieved_goal: Tensor, normalise: Normalise) -> None:
         """Give the method collected episodes: observations (N, T + 1, D), actions (N, T, A), goals (N, T + 1, bits)."""

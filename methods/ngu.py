@@ -68,10 +68,19 @@ class NGU(LearnedReward):
         self.phi = InverseFeatures(state_size, action_size, config.hidden, config.features, generator)
         self.optimiser = adam([self.phi], config.learning_rate)
         self.distances = RunningMoments((), window=WINDOW, device=generator.device)
+        self._last: tuple[Transitions, Tensor] | None = None
+
+    def nearest(self, transitions: Transitions) -> Tensor:
+        """d_i² (B, k) in ascending order; infinite where the episode has fewer steps behind it.
+
+        Found once for a batch that is passed twice, to `reward` and then to `update`.
+        """
+        if self._last is None or self._last[0] is not transitions:
+            self._last = transitions, self._nearest(transitions)
+        return self._last[1]
 
     @torch.no_grad()
-    def nearest(self, transitions: Transitions) -> Tensor:
-        """d_i² (B, k) in ascending order; infinite where the episode has fewer steps behind it."""
+    def _nearest(self, transitions: Transitions) -> Tensor:
         features = self.phi(transitions.episode_states)
         squared = (features - self.phi(transitions.next_state).unsqueeze(1)).square().sum(2)
         place = torch.arange(squared.shape[1], device=squared.device)
@@ -94,4 +103,5 @@ class NGU(LearnedReward):
         self.distances.update(nearest[nearest.isfinite()])
         loss = self.phi.loss(*self.phi.of(transitions), transitions.action)
         descend(self.optimiser, loss)
+        self._last = None  # the features are others now
         return {"ngu_inverse_loss": loss.detach(), "ngu_distance": self.distances.mean.clone()}

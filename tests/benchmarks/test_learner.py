@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 import torch
 
+from curiobench.config import RunConfig
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
-from curiobench.presets import PRESETS
+from curiobench.presets import PRESETS, preset
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 
 STEPS = 50
@@ -53,6 +54,13 @@ def filled_replay(
     action = rng.uniform(-1, 1, (episodes, STEPS, layout.action_size))
     replay.add(Episodes(observation, np.where(changed, ends[1][:, None], ends[0][:, None]), action, ends[1]))
     return replay
+
+
+def laptop_batch(n_blocks: int) -> tuple[RunConfig, Batch]:
+    """The preset laptop for a task, and a batch of its size with all that methods ask for."""
+    config = preset("laptop", f"stack{n_blocks}")
+    replay = filled_replay(layout_of(n_blocks), config.replay)
+    return config, Batch.from_numpy(replay.sample(config.batch_size, np.random.default_rng(1), 512, episodes=True))
 
 
 Product = tuple[int, int, int, int]
