@@ -57,6 +57,8 @@ def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
     """
     config = with_later_fields(config)
     unused = {"machine"} | (set() if config["method"].endswith(HYBRID) else {"hybrid"})
+    if config["method"] == "sac":
+        unused.add("schedule_epochs")  # of curiosity's schedules
     return {name: value for name, value in config.items() if name not in unused and value is not None}
 
 

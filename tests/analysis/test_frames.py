@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from synthetic import EPISODES, STEPS_AN_EPOCH, write_grid
 from curiobench.analysis import folders, frames, rows
 from curiobench.analysis.folders import PUBLISHED_FILES, SUMS
 from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COLUMNS, place_of, read_results
+from curiobench.analysis.runs import decisive
+from curiobench.config import RunConfig
 from curiobench.tasks.goals import goal_space
 
 
@@ -600,3 +603,9 @@ def test_the_name_of_a_preset_alone_sets_no_run_apart(make_runs, tmp_path):
     assert list(read_results([tmp_path / "runs"]).runs["variant"]) == ["", ""]
     make_runs(methods=("icm",), seeds=[1], options={"preset": "short"}, suffix="-again")
     assert "is a duplicate of" in one_fault(read_results([tmp_path / "runs"]))
+
+
+@pytest.mark.parametrize(("method", "same"), [("sac", True), ("mihm", False)])
+def test_curiosity_s_schedule_makes_no_other_run_of_plain_sac(method, same):
+    configs = [replace(RunConfig(method=method), schedule_epochs=epochs).to_json() for epochs in (56, 500)]
+    assert (decisive(configs[0]) == decisive(configs[1])) is same
