@@ -51,13 +51,17 @@ def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summa
 
 
 def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None:
-    """The baseline of the same variant, or its only one, if its runs are as long as those of the sample."""
-    found = {other.variant: other for other in task.samples if other.method == baseline}
-    if sample.method == baseline or (sample.variant not in found and len(found) != 1):
+    """The baseline of the same variant, else the only one whose runs are as long as those of the sample."""
+    if sample.method == baseline:
         return None
-    other = found.get(sample.variant) or next(iter(found.values()))
-    ours, theirs = (set(s.runs[["epoch", "steps", "updates"]].itertuples(index=False)) for s in (sample, other))
-    return other if ours == theirs else None
+    found = [other for other in task.samples if other.method == baseline]
+    alike = [other for other in found if other.variant == sample.variant] or found
+    as_long = [other for other in alike if _lengths(other) == _lengths(sample)]
+    return as_long[0] if len(as_long) == 1 else None
+
+
+def _lengths(sample: Sample) -> set[tuple[int, ...]]:
+    return set(sample.runs[["epoch", "steps", "updates"]].itertuples(index=False, name=None))
 
 
 def _values(task: TaskSamples, sample: Sample, baseline: Sample | None) -> dict[str, Value]:

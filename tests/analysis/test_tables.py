@@ -219,6 +219,19 @@ def test_runs_of_another_length_are_not_compared(make_runs, tmp_path):
     assert "mihm not compared: that takes two seeds each, and runs of sac of the same length" in notes
 
 
+def test_company_takes_no_comparison_away(make_runs, tmp_path):
+    """Beside runs of another preset, methods are still compared with the sac of their own length."""
+    make_runs(methods=("sac", "icm"), success=known)
+    alone = {s.sample.method: s.values["better"] for s in summaries(read_results([tmp_path / "runs"]))}
+    make_runs(methods=("sac", "rnd"), epochs=8, options={"updates": 7}, suffix="-long", success=known)
+    found = {
+        (s.sample.method, len(s.sample.epochs)): s.values["better"]
+        for s in summaries(read_results([tmp_path / "runs"]))
+    }
+    assert found["icm", 5] == alone["icm"] is not None
+    assert found["rnd", 9] is not None
+
+
 def test_commits_that_differ_are_named(make_runs, tmp_path):
     first, *_ = make_runs(methods=("sac",), seeds=2)
     edit_versions(first, git_commit="abcdef0123")
