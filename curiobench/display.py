@@ -17,8 +17,29 @@ if TYPE_CHECKING:
     from curiobench.state import Counters
 
 
+class _Terminal(Console):
+    """Standard output. It falls silent, and nothing more, once nobody reads it any longer or its disk is full."""
+
+    def __init__(self) -> None:
+        super().__init__(soft_wrap=True, highlight=False)
+
+    def on_broken_pipe(self) -> None:
+        """Rich's own would end the process."""
+        self.quiet = True
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As `Console.print`."""
+        try:
+            super().print(*objects, **options)
+        except OSError:
+            self.quiet = True
+
+
 class Display:
-    """Shows the progress of a run: a line an epoch, live lines on a terminal, and a TensorBoard log if asked for."""
+    """Shows the progress of a run: one line per epoch, live lines on a terminal, and a TensorBoard log if asked for.
+
+    Where one of them fails, the run goes on without it.
+    """
 
     def __init__(self, config: "RunConfig", folder: Path, first_epoch: int) -> None:
         """
@@ -29,7 +50,7 @@ class Display:
         """
         self._config = config
         self._log = _tensorboard(folder / "tensorboard", first_epoch) if config.machine.tensorboard else None
-        self._console = Console(soft_wrap=True, highlight=False)
+        self._console = _Terminal()
         terminal = sys.stdout.isatty()
         self._live = Live(console=self._console, refresh_per_second=4, transient=True) if terminal else None
         if self._live:
@@ -60,6 +81,13 @@ class Display:
             f"  success {'-' if row['success'] is None else format(row['success'], '.2f')}"
             f"  in training {'-' if rate is None else format(rate, '.2f')}  {self._rates}"
         )
+        try:
+            self._write_log(row)
+        except Exception as error:  # a full disk, or whatever TensorBoard does
+            self._log = None
+            self.note(f"no TensorBoard log any more: {error}")
+
+    def _write_log(self, row: dict[str, Any]) -> None:
         if self._log:
             for name, value in row.items():
                 if value is not None and name != "epoch":

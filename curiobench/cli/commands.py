@@ -1,5 +1,6 @@
 """The commands. Each imports what it needs when it runs: `curiobench --help` needs neither torch nor MuJoCo."""
 
+import io
 import os
 import signal
 import sys
@@ -242,6 +243,7 @@ def run(words: Sequence[str]) -> None:
 
 def main() -> NoReturn:
     """Run the command in `sys.argv` and exit with a code that `USAGE` explains; errors take one line on stderr."""
+    _prepare_streams()
     try:
         run(sys.argv[1:])
         sys.stdout.flush()
@@ -259,6 +261,16 @@ def main() -> NoReturn:
     except OSError as error:  # such as a folder without the right to look into it
         _exit(f"{error.filename}: {error.strerror}" if error.filename else error, 2)
     sys.exit(0)
+
+
+def _prepare_streams() -> None:
+    """Let output go nowhere where a stream is closed, and replace characters that its encoding does not have."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for as long as the process
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _exit(message: object, code: int) -> NoReturn:
