@@ -10,10 +10,9 @@ from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
-from curiobench.methods.curriculum import Curriculum, Goals
-from curiobench.methods.plugins import file_of, summary
+from curiobench.methods.curriculum import Curriculum, GoalMethod, Goals
+from curiobench.methods.plugins import building
 from curiobench.methods.registry import make_agent, parse_spec
-from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
@@ -21,7 +20,7 @@ from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
 from curiobench.tasks.registration import EPISODE_STEPS
 from curiobench.tasks.stacking import ACTION_SIZE
 
-Goal = TypeVar("Goal", Curriculum, Relabelling)
+Goal = TypeVar("Goal", bound=GoalMethod)
 
 
 def pair_layout(goal_space: GoalSpace) -> PairLayout:
@@ -77,8 +76,5 @@ def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None =
 
 def _built(method: type[Goal], config: RunConfig, goal_space: GoalSpace) -> Goal:
     """A curriculum or a relabelling; raises ValueError, with its file, where building it raises."""
-    try:
+    with building(method, config.method):
         return method(goals_of(goal_space), config.method_config)
-    except Exception as error:
-        where = f"method {config.method!r} in {file_of(method)}"
-        raise ValueError(f"{where}: building it raised {summary(error)}") from error

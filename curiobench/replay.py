@@ -185,9 +185,8 @@ class EpisodeReplay:
         if self._relabelling is None:
             slot, step, desired = RELABELLINGS[self.config.relabelling](self, batch_size, generator)
         else:
-            from curiobench.methods.goal_guard import (
-                transitions_drawn,  # needs torch, which `train --help` does without
-            )
+            # needs torch, which `train --help` does without
+            from curiobench.methods.goal_guard import transitions_drawn
 
             slot, step, desired = transitions_drawn(self._relabelling, self, batch_size, generator)
         row = slot * (self.steps + 1) + step

@@ -14,6 +14,13 @@ def check_positive(config: Any, *names: str) -> None:
             raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
 
 
+def check_share(config: Any, *names: str) -> None:
+    """Raise ValueError, with name and value, unless these fields of a config lie in [0, 1]."""
+    for name in names:
+        if not 0 <= getattr(config, name) <= 1:
+            raise ValueError(f"{name} is {getattr(config, name)}; it must lie in [0, 1]")
+
+
 def check_option(config: Any, name: str, options: Any) -> None:
     """Raise ValueError, with the value and the legal ones, unless a field of a config is one of a Literal's options."""
     if getattr(config, name) not in get_args(options):

@@ -153,8 +153,7 @@ class Curiosity:
         found = flaw_of_term(term, len(action))
         if not found and looks_at_values(term, update):
             found = flaw_of_values(term.detach())
-        if found:
-            raise fault(self.method, update, f"policy_loss_term() returned {found}")
+        self._refuse("policy_loss_term", found, update)
         return term
 
     def _factor(self, epoch: int) -> float:
@@ -175,9 +174,9 @@ class Curiosity:
                 self._refuse("update", f"{name} = {value.item()}; expected a finite number")
         return metrics
 
-    def _refuse(self, call: str, found: str | None) -> None:
+    def _refuse(self, call: str, found: str | None, update: int | None = None) -> None:
         if found:
-            raise fault(self.method, self.updates, f"{call}() returned {found}")
+            raise fault(self.method, self.updates if update is None else update, f"{call}() returned {found}")
 
     def state_dict(self) -> dict[str, Any]:
         """The method's state, the statistics, factors of tau and the number of updates. Plain values and tensors."""

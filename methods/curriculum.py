@@ -49,17 +49,24 @@ class NoSettings:
     """A method without settings."""
 
 
-class Curriculum(ABC):
-    """Draws goals. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`."""
+class GoalMethod(ABC):  # noqa: B024 - its kinds draw different things
+    """What curricula and relabellings have in common.
+
+    Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`.
+    """
 
     Config: type = NoSettings
     idea: ClassVar[str] = ""
-    """How goals are drawn, in one line without a full stop; `curiobench list` shows it."""
+    """What it does with goals, in one line without a full stop; `curiobench list` shows it."""
     paper: ClassVar[str] = ""
     """Authors, year, and where to find it; shown beside it."""
 
     def __init__(self, goals: Goals, config: Any = None) -> None:
         self.goals, self.config = goals, config
+
+
+class Curriculum(GoalMethod):
+    """Draws goals."""
 
     @abstractmethod
     def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -67,11 +74,11 @@ class Curriculum(ABC):
         agent does not explore. All randomness from the generator.
         """
 
-    def observe(self, goals: np.ndarray, reached: np.ndarray, tested: np.ndarray) -> None:  # noqa: B027 - optional
+    def observe(self, goals: np.ndarray, reached: np.ndarray, tested: np.ndarray) -> None:
         """Learn from N episodes: goals `(N,)` that they pursued, goals `(N,)` that they ended in (-1: none of the valid
         ones), and which were tests `(N,)` bool. Episodes whose physics diverged are left out."""
 
-    def end_epoch(self) -> None:  # noqa: B027 - optional
+    def end_epoch(self) -> None:
         """Called after each epoch of training."""
 
     def replay_weights(self) -> np.ndarray | None:
@@ -86,5 +93,5 @@ class Curriculum(ABC):
         """All that the curriculum has learned, as plain values for JSON."""
         return {}
 
-    def load_state_dict(self, state: dict[str, Any]) -> None:  # noqa: B027 - optional
+    def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore what `state_dict` gave."""

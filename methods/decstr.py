@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from curiobench.methods.checks import check_positive
+from curiobench.methods.checks import check_positive, check_share
 from curiobench.methods.curriculum import Curriculum, Goals, Situation
 
 FEW_CLOSE = 1
@@ -47,8 +47,7 @@ class DECSTRConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, "window", "least")
-        if not 0 <= self.test_share <= 1:
-            raise ValueError(f"test_share is {self.test_share}; it must lie in [0, 1]")
+        check_share(self, "test_share")
 
 
 def buckets(goals: Goals) -> np.ndarray:

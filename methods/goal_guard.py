@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from curiobench.methods.curriculum import Curriculum, Situation
-from curiobench.methods.guard import blamed, fault, flaw_of_names
+from curiobench.methods.guard import blamed, fault, flaw_of_names, outline
 from curiobench.methods.relabelling import Draw, Relabelling, Replay
 
 
@@ -25,7 +25,7 @@ def goals_drawn(
         raise fault(curriculum, None, f"draw() returned goals that are {found}")
     if not isinstance(tested, np.ndarray) or tested.shape != (n,) or tested.dtype != bool:
         raise fault(
-            curriculum, None, f"draw() returned tests that are {_outline(tested)}; expected bool of shape {(n,)}"
+            curriculum, None, f"draw() returned tests that are {outline(tested)}; expected bool of shape {(n,)}"
         )
     return goals, tested
 
@@ -38,9 +38,7 @@ def goal_weights(curriculum: Curriculum) -> np.ndarray | None:
         return None
     shape = (len(curriculum.goals.bits),)
     if not isinstance(weights, np.ndarray) or weights.shape != shape or weights.dtype.kind != "f":
-        raise fault(
-            curriculum, None, f"replay_weights() returned {_outline(weights)}; expected floats of shape {shape}"
-        )
+        raise fault(curriculum, None, f"replay_weights() returned {outline(weights)}; expected floats of shape {shape}")
     if not (np.isfinite(weights).all() and weights.min() >= 0 and weights.sum() > 0):
         found = f"{weights.min()} to {weights.max()}"
         raise fault(curriculum, None, f"replay_weights() returned {found}; expected at least 0, and not all of them 0")
@@ -76,22 +74,14 @@ def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, gener
             raise fault(relabelling, None, f"draw() returned {what} that are {found}")
     shape = size, replay.arrays["desired_goal"].shape[-1]
     if not isinstance(desired, np.ndarray) or desired.shape != shape or desired.dtype != np.uint8:
-        raise fault(relabelling, None, f"draw() returned {_outline(desired)} as goals; expected uint8 of shape {shape}")
+        raise fault(relabelling, None, f"draw() returned {outline(desired)} as goals; expected uint8 of shape {shape}")
     return slot.astype(np.int64), step.astype(np.int64), desired  # small integers would wrap in products
 
 
 def _flaw_of_positions(positions: object, size: int, limit: int) -> str | None:
     """What is wrong with `size` integers in [0, limit); None if nothing is."""
     if not isinstance(positions, np.ndarray) or positions.shape != (size,) or positions.dtype.kind not in "iu":
-        return f"{_outline(positions)}; expected integers of shape {(size,)}"
+        return f"{outline(positions)}; expected integers of shape {(size,)}"
     if positions.size and not (positions.min() >= 0 and positions.max() < limit):
         return f"{positions.min()} to {positions.max()}; expected 0 to {limit - 1}"
     return None
-
-
-def _outline(value: object) -> str:
-    return (
-        f"a {value.dtype} array of shape {value.shape}"
-        if isinstance(value, np.ndarray)
-        else f"a {type(value).__name__}"
-    )

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -123,6 +124,8 @@ def flaw_of_state(state: object, name: str = "state") -> str | None:
 
 def outline(value: object) -> str:
     """What a value is, for messages."""
+    if isinstance(value, np.ndarray):
+        return f"a {value.dtype} array of shape {value.shape}"
     if not isinstance(value, Tensor):
         return f"a {type(value).__name__}"
     gradients = " that carries gradients" if value.requires_grad else ""

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from curiobench.methods.checks import check_positive
+from curiobench.methods.checks import check_positive, check_share
 from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
 
@@ -48,8 +48,7 @@ class ICMConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, "eta", "hidden", "features", "learning_rate")
-        if not 0 <= self.beta <= 1:
-            raise ValueError(f"beta is {self.beta}; it must lie in [0, 1]")
+        check_share(self, "beta")
 
 
 class ICM(LearnedReward):

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curiobench.methods.checks import check_share
 from curiobench.methods.relabelling import Draw, Relabelling, Replay
 
 
@@ -27,8 +28,7 @@ class MultiCriteriaHERConfig:
     """Probability that a criterion is relabelled, in [0, 1]; hindsight's with k = 4."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.relabel_share <= 1:
-            raise ValueError(f"relabel_share is {self.relabel_share}; it must lie in [0, 1]")
+        check_share(self, "relabel_share")
 
 
 class MultiCriteriaHER(Relabelling):

@@ -38,7 +38,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from curiobench.methods.checks import Sees, check_option, check_positive
+from curiobench.methods.checks import Sees, check_option, check_positive, check_share
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.neighbours import neighbour_distances
@@ -80,8 +80,7 @@ class MIConfig:
         check_option(self, "sees", Sees)
         if not 0 < self.xi < 1:
             raise ValueError(f"xi is {self.xi}; it must lie in (0, 1), without its ends")
-        if not 0 <= self.beta <= 1:
-            raise ValueError(f"beta is {self.beta}; it must lie in [0, 1]")
+        check_share(self, "beta")
         if not -math.inf < self.min_log_std < self.max_log_std < math.inf:
             ends = f"min_log_std is {self.min_log_std} and max_log_std {self.max_log_std}"
             raise ValueError(f"{ends}; they must be finite, and the first below the second")

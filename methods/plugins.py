@@ -14,6 +14,8 @@ import importlib
 import inspect
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -140,6 +142,15 @@ def _is_plain(hint: Any) -> bool:
     if get_origin(hint) is Literal:
         return all(isinstance(option, str) for option in get_args(hint))
     return get_origin(hint) in (None, Union, UnionType) and all(t in PLAIN for t in get_args(hint) or (hint,))
+
+
+@contextmanager
+def building(method: type[Method], spec: str) -> Iterator[None]:
+    """Turn whatever a method's constructor raises into one ValueError that names spec and file."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"method {spec!r} in {file_of(method)}: building it raised {summary(error)}") from error
 
 
 def file_of(method: type[Method]) -> str:

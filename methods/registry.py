@@ -15,7 +15,7 @@ from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.counts import Counts
-from curiobench.methods.curriculum import Curriculum
+from curiobench.methods.curriculum import Curriculum, GoalMethod
 from curiobench.methods.dac import DAC
 from curiobench.methods.decstr import DECSTR
 from curiobench.methods.disagreement import Disagreement
@@ -24,7 +24,7 @@ from curiobench.methods.icm import ICM
 from curiobench.methods.mcher import MultiCriteriaHER
 from curiobench.methods.mi import MI
 from curiobench.methods.ngu import NGU
-from curiobench.methods.plugins import Method, file_of, installed_methods, load_class, load_installed, summary, trace
+from curiobench.methods.plugins import Method, building, installed_methods, load_class, load_installed, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
@@ -45,7 +45,7 @@ REWARDS: dict[str, type[IntrinsicReward]] = {
     "counts": Counts,
 }
 """Curiosity methods by spec."""
-GOAL_METHODS: dict[str, type[Curriculum] | type[Relabelling]] = {"decstr": DECSTR, "mcher": MultiCriteriaHER}
+GOAL_METHODS: dict[str, type[GoalMethod]] = {"decstr": DECSTR, "mcher": MultiCriteriaHER}
 """Methods without an intrinsic reward, which decide about goals, by spec."""
 _BUILT_IN = REWARDS | GOAL_METHODS
 
@@ -152,8 +152,5 @@ def make_agent(
 def _build(parsed: MethodSpec, layout: PairLayout, settings: object, generator: torch.Generator) -> IntrinsicReward:
     goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
     state_size = len(layout.columns(getattr(settings, "sees", "full")))
-    try:
+    with building(parsed.reward, parsed.text):
         return parsed.reward(state_size, layout.action_size, settings, generator, **goals)
-    except Exception as error:
-        where = f"method {parsed.text!r} in {file_of(parsed.reward)}"
-        raise ValueError(f"{where}: building it raised {summary(error)}") from error

@@ -1,11 +1,11 @@
 """What a relabelling is: it decides which transitions of the replay a batch holds, and under which goals."""
 
-from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol
+from abc import abstractmethod
+from typing import Protocol
 
 import numpy as np
 
-from curiobench.methods.curriculum import Goals, NoSettings
+from curiobench.methods.curriculum import GoalMethod
 
 Draw = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Slots `(B,)`, steps before the action `(B,)` and desired goals `(B, bits)`."""
@@ -29,20 +29,8 @@ class Replay(Protocol):
         ...
 
 
-class Relabelling(ABC):
-    """Draws transitions. Subclasses take `(goals, config)`, `config` being an instance of their own frozen `Config`.
-
-    It keeps no state: a checkpoint does not hold it.
-    """
-
-    Config: type = NoSettings
-    idea: ClassVar[str] = ""
-    """How goals are relabelled, in one line without a full stop; `curiobench list` shows it."""
-    paper: ClassVar[str] = ""
-    """Authors, year, and where to find it; shown beside it."""
-
-    def __init__(self, goals: Goals, config: Any = None) -> None:
-        self.goals, self.config = goals, config
+class Relabelling(GoalMethod):
+    """Draws transitions. It keeps no state: a checkpoint does not hold it."""
 
     @abstractmethod
     def draw(self, replay: Replay, size: int, generator: np.random.Generator) -> Draw:

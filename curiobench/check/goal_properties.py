@@ -1,6 +1,7 @@
 """`curiobench check` for methods that decide about goals: whether a curriculum or a relabelling keeps its rules.
 
-As in properties.py, each property is a function that raises `Broken` with what was expected and found.
+As in properties.py, each property is a function that raises `Broken`, or what stops a run, with what was expected and
+found.
 """
 
 import copy
@@ -12,10 +13,10 @@ import numpy as np
 
 from curiobench.build import goals_of
 from curiobench.check import Finding
-from curiobench.check.properties import Broken, finding
+from curiobench.check.properties import expect, finding, no_global_randomness
 from curiobench.check.subject import global_generators, same, seeded_globals
 from curiobench.methods.curriculum import Curriculum, Situation
-from curiobench.methods.goal_guard import goals_drawn, transitions_drawn
+from curiobench.methods.goal_guard import curriculum_metrics, goal_weights, goals_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 from curiobench.tasks import BatchedStacking
@@ -31,11 +32,6 @@ def examine_goals(method: type[Curriculum] | type[Relabelling]) -> list[Finding]
     properties = CURRICULUM_PROPERTIES if issubclass(method, Curriculum) else RELABELLING_PROPERTIES
     with seeded_globals():
         return [finding(name, partial(tried, method), n_blocks) for name, (tried, n_blocks) in properties.items()]
-
-
-def _expect(holds: bool, expected: str, found: object) -> None:
-    if not holds:
-        raise Broken(f"expected {expected}, found {found}")
 
 
 def _curriculum(method: type[Curriculum], n_blocks: int, epochs: int = 3) -> Curriculum:
@@ -64,23 +60,16 @@ def draws_goals(method: type[Curriculum], n_blocks: int) -> None:
 
 def same_goals_again(method: type[Curriculum], n_blocks: int) -> None:
     draws = [_curriculum(method, n_blocks).draw(_situation(n_blocks, 1), np.random.default_rng(0)) for _ in range(2)]
-    _expect(same(_lists(draws[0]), _lists(draws[1])), "equal draws from equal generators", "different ones")
+    expect(same(_lists(draws[0]), _lists(draws[1])), "equal draws from equal generators", "different ones")
 
 
 def legal_weights(method: type[Curriculum], n_blocks: int) -> None:
-    curriculum = _curriculum(method, n_blocks)
-    weights, n = curriculum.replay_weights(), len(curriculum.goals.bits)
-    if weights is not None:
-        _expect(np.shape(weights) == (n,), f"weights ({n},)", f"shape {np.shape(weights)}")
-        legal = np.isfinite(weights).all() and np.min(weights) >= 0 and np.sum(weights) > 0
-        _expect(bool(legal), "weights of at least 0, not all of them 0", weights)
+    goal_weights(_curriculum(method, n_blocks))
 
 
 def plain_metrics(method: type[Curriculum], n_blocks: int) -> None:
-    found, later = (_curriculum(method, n_blocks, epochs).metrics() for epochs in (0, 3))
-    _expect(found.keys() == later.keys(), "the same metrics each time", f"{sorted(found)}, then {sorted(later)}")
-    wrong = [name for name, value in later.items() if not np.isfinite(value)]
-    _expect(not wrong, "finite metrics", f"NaN or infinity in {', '.join(wrong)}")
+    found, later = (curriculum_metrics(_curriculum(method, n_blocks, epochs)) for epochs in (0, 3))
+    expect(found.keys() == later.keys(), "the same metrics each time", f"{sorted(found)}, then {sorted(later)}")
 
 
 def curriculum_round_trip(method: type[Curriculum], n_blocks: int) -> None:
@@ -92,21 +81,21 @@ def curriculum_round_trip(method: type[Curriculum], n_blocks: int) -> None:
         curriculum.end_epoch()
         weights = _lists([curriculum.replay_weights()])
         histories.append([_lists(drawn), weights, dict(curriculum.metrics()), curriculum.state_dict()])
-    _expect(same(*histories), "training to go on alike in a new one that loads the state", "something else")
+    expect(same(*histories), "training to go on alike in a new one that loads the state", "something else")
 
 
 def situation_untouched(method: type[Curriculum], n_blocks: int) -> None:
     given, kept = _situation(n_blocks, 2), _situation(n_blocks, 2)
     _curriculum(method, n_blocks).draw(given, np.random.default_rng(0))
     altered = [name for name, array in vars(given).items() if not np.array_equal(array, getattr(kept, name))]
-    _expect(not altered, "the situation as it was given", f"altered in place: {', '.join(altered)}")
+    expect(not altered, "the situation as it was given", f"altered in place: {', '.join(altered)}")
 
 
-def _replay(method: type[Relabelling] | None, n_blocks: int, filled: int = EPISODES) -> EpisodeReplay:
+def _replay(method: type[Relabelling], n_blocks: int, filled: int = EPISODES) -> EpisodeReplay:
     """Of episodes that jump between valid goals."""
     space, rng = goal_space(n_blocks), np.random.default_rng(0)
     goals = goals_of(space)
-    own = None if method is None else method(goals, method.Config())
+    own = method(goals, method.Config())
     sizes = {"steps": STEPS, "observation_size": 5, "action_size": 2, "on_bits": space.on_bits}
     replay = EpisodeReplay(
         ReplayConfig(capacity=EPISODES), space.goals, BatchedStacking.compute_reward, **sizes, relabelling=own
@@ -127,14 +116,13 @@ def _replay(method: type[Relabelling] | None, n_blocks: int, filled: int = EPISO
 def draws_transitions(method: type[Relabelling], n_blocks: int) -> None:
     for filled in (1, EPISODES):
         replay = _replay(method, n_blocks, filled)
-        relabelling = method(goals_of(goal_space(n_blocks)), method.Config())
         for size in (1, BATCH):
-            transitions_drawn(relabelling, replay, size, np.random.default_rng(0))
+            replay.sample(size, np.random.default_rng(0))  # which refuses what is no draw
 
 
 def same_transitions_again(method: type[Relabelling], n_blocks: int) -> None:
     draws = [_replay(method, n_blocks).sample(BATCH, np.random.default_rng(0)) for _ in range(2)]
-    _expect(same(*map(_lists, draws)), "equal draws from equal generators", "different ones")
+    expect(same(*map(_lists, draws)), "equal draws from equal generators", "different ones")
 
 
 def replay_untouched(method: type[Relabelling], n_blocks: int) -> None:
@@ -142,7 +130,7 @@ def replay_untouched(method: type[Relabelling], n_blocks: int) -> None:
     kept = copy.deepcopy(replay.arrays)
     replay.sample(BATCH, np.random.default_rng(0))
     altered = [name for name, array in replay.arrays.items() if not np.array_equal(array, kept[name])]
-    _expect(not altered, "the replay as it was", f"altered in place: {', '.join(altered)}")
+    expect(not altered, "the replay as it was", f"altered in place: {', '.join(altered)}")
 
 
 def global_random_state(method: type[Curriculum] | type[Relabelling], n_blocks: int) -> None:
@@ -151,12 +139,7 @@ def global_random_state(method: type[Curriculum] | type[Relabelling], n_blocks: 
         _curriculum(method, n_blocks)
     else:
         _replay(method, n_blocks).sample(BATCH, np.random.default_rng(0))
-    used = [
-        name
-        for name, *states in zip(("torch", "numpy", "random"), before, global_generators(), strict=True)
-        if not same(*states)
-    ]
-    _expect(not used, "all randomness from the given generator", f"the global one of {', '.join(used)} was used")
+    no_global_randomness(before)
 
 
 def _lists(arrays: object) -> list:

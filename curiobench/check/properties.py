@@ -17,7 +17,7 @@ from torch import Tensor
 
 from curiobench.build import pair_layout
 from curiobench.check import Finding
-from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
+from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot, used_globals
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
 from curiobench.methods.reward import IntrinsicReward, Transitions
@@ -69,32 +69,39 @@ def _runs(subject: Subject) -> None:
     subject.trained()
 
 
-def _expect(holds: bool, expected: str, found: object) -> None:
+def expect(holds: bool, expected: str, found: object) -> None:
+    """Raises Broken unless a property holds."""
     if not holds:
         raise Broken(f"expected {expected}, found {found}")
 
 
+def no_global_randomness(before: tuple) -> None:
+    """Raises Broken where a global generator is not as before."""
+    used = used_globals(before)
+    expect(not used, "all randomness from the given generator", f"the global one of {used} was used")
+
+
 def _reward(subject: Subject) -> Tensor:
     reward = subject.trained().reward(subject.transitions(5))
-    _expect(isinstance(reward, Tensor), "a tensor", f"a {type(reward).__name__}")
+    expect(isinstance(reward, Tensor), "a tensor", f"a {type(reward).__name__}")
     return reward
 
 
 def shape(subject: Subject) -> None:
     reward, wanted = _reward(subject), (len(subject.transitions(5).state),)
-    _expect(reward.shape == wanted, f"{wanted}", f"{tuple(reward.shape)}")
+    expect(reward.shape == wanted, f"{wanted}", f"{tuple(reward.shape)}")
 
 
 def dtype(subject: Subject) -> None:
     found = _reward(subject).dtype
-    _expect(found == torch.float32, "torch.float32", found)
+    expect(found == torch.float32, "torch.float32", found)
 
 
 def finite(subject: Subject) -> None:
     for about, transitions in _hard_batches(subject).items():
         reward = subject.trained().reward(transitions).detach()
         wrong = reward[~reward.isfinite()]
-        _expect(not len(wrong), "finite numbers", f"{wrong.flatten()[:1].tolist()} among {reward.numel()}, {about}")
+        expect(not len(wrong), "finite numbers", f"{wrong.flatten()[:1].tolist()} among {reward.numel()}, {about}")
 
 
 def _hard_batches(subject: Subject) -> dict[str, Transitions]:
@@ -109,7 +116,7 @@ def _hard_batches(subject: Subject) -> dict[str, Transitions]:
 
 
 def no_gradients(subject: Subject) -> None:
-    _expect(not _reward(subject).requires_grad, "none (put @torch.no_grad() above reward)", "a reward with them")
+    expect(not _reward(subject).requires_grad, "none (put @torch.no_grad() above reward)", "a reward with them")
 
 
 def reward_changes_nothing(subject: Subject) -> None:
@@ -117,8 +124,8 @@ def reward_changes_nothing(subject: Subject) -> None:
     before, first = snapshot(method), method.reward(subject.transitions(5))
     method.reward(subject.transitions(6))
     again = method.reward(subject.transitions(5))
-    _expect(same(again, first), "the same reward when asked again", "another one")
-    _expect(same(snapshot(method), before), "the same state after rewarding", "another one")
+    expect(same(again, first), "the same reward when asked again", "another one")
+    expect(same(snapshot(method), before), "the same state after rewarding", "another one")
 
 
 def metrics(subject: Subject) -> None:
@@ -126,7 +133,7 @@ def metrics(subject: Subject) -> None:
     if flaw := flaw_of_metrics(found):
         raise Broken(f"found {flaw}")
     infinite = [name for name, value in found.items() if not value.isfinite()]
-    _expect(not infinite, "finite metrics", f"NaN or infinity in {', '.join(infinite)}")
+    expect(not infinite, "finite metrics", f"NaN or infinity in {', '.join(infinite)}")
 
 
 def batch_untouched(subject: Subject) -> None:
@@ -139,7 +146,7 @@ def batch_untouched(subject: Subject) -> None:
     altered = [field.name for field in fields(Transitions) if not _same_part(given, kept, field.name)]
     if not same([goal, action], [subject.view(5).desired_goal, subject.view(5).action]):
         altered.append("arguments of policy_loss_term")
-    _expect(not altered, "the batch as it was given", f"altered in place: {', '.join(altered)}")
+    expect(not altered, "the batch as it was given", f"altered in place: {', '.join(altered)}")
 
 
 def _same_part(first: Transitions, second: Transitions, name: str) -> bool:
@@ -156,7 +163,7 @@ def agent_untouched(subject: Subject) -> None:
     method.update(transitions)
     method.policy_loss_term(transitions, batch.desired_goal, action)
     reached = [weight for weight in (*agent.actor.parameters(), *agent.critics.parameters()) if weight.grad is not None]
-    _expect(not reached, "no gradient in the agent's weights", f"one in {len(reached)} of its tensors")
+    expect(not reached, "no gradient in the agent's weights", f"one in {len(reached)} of its tensors")
 
 
 def term_in_policy_loss(subject: Subject) -> None:
@@ -185,7 +192,7 @@ def round_trip(subject: Subject) -> None:
     second.load_state_dict(snapshot(first))
     generators[1].set_state(generators[0].get_state())  # which the agent restores
     histories = [_continued(subject, method) for method in (first, second)]
-    _expect(same(*histories), "training to continue to the bit in a new one that loads the state", "other numbers")
+    expect(same(*histories), "training to continue to the bit in a new one that loads the state", "other numbers")
 
 
 def _continued(subject: Subject, method: IntrinsicReward) -> list:
@@ -201,15 +208,13 @@ def deterministic(subject: Subject) -> None:
         with seeded_globals():
             method = subject.trained(torch.Generator().manual_seed(0))
             histories.append([snapshot(method), method.reward(subject.transitions(5)).detach()])
-    _expect(same(*histories), "equal numbers from generators with equal seeds", "different ones")
+    expect(same(*histories), "equal numbers from generators with equal seeds", "different ones")
 
 
 def global_random_state(subject: Subject) -> None:
     before = global_generators()
     subject.trained().reward(subject.transitions(5))
-    names = ("torch", "numpy", "random")
-    used = [name for name, *states in zip(names, before, global_generators(), strict=True) if not same(*states)]
-    _expect(not used, "all randomness from the given generator", f"the global one of {', '.join(used)} was used")
+    no_global_randomness(before)
 
 
 def blind_to_goals(subject: Subject) -> None:
@@ -220,7 +225,7 @@ def blind_to_goals(subject: Subject) -> None:
     for policy in (None, view, replace(view, desired_goal=1 - view.desired_goal)):
         method.load_state_dict(copy.deepcopy(state))  # another rule is about rewards that change the method
         rewards.append(method.reward(replace(seen, policy=policy)))
-    _expect(same(rewards[0], rewards[1]) and same(*rewards[1:]), "one reward for any goal", "it changes with the goal")
+    expect(same(rewards[0], rewards[1]) and same(*rewards[1:]), "one reward for any goal", "it changes with the goal")
 
 
 def idle_in_evaluation(subject: Subject) -> None:
@@ -229,7 +234,7 @@ def idle_in_evaluation(subject: Subject) -> None:
     seen = [tensor.numpy() for tensor in (batch.observation, batch.achieved_goal, batch.desired_goal)]
     for _ in range(10):
         agent.act(*seen, deterministic=True)
-    _expect(same(snapshot(method), before), "the same state after the agent has only acted", "another one")
+    expect(same(snapshot(method), before), "the same state after the agent has only acted", "another one")
 
 
 def other_sizes(subject: Subject) -> None:
@@ -238,7 +243,7 @@ def other_sizes(subject: Subject) -> None:
         method, transitions = tried.fresh(), tried.transitions(5, size)
         reward = method.reward(transitions)
         method.update(transitions)
-        _expect(len(reward) == size, f"{size} rewards for as many transitions", len(reward))
+        expect(len(reward) == size, f"{size} rewards for as many transitions", len(reward))
 
 
 PROPERTIES: dict[str, Callable[[Subject], None]] = {
