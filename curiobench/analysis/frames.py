@@ -1,4 +1,4 @@
-"""Run folders and published sets as pandas frames. docs/results.md says what each column means."""
+"""Run folders and published sets as pandas frames. docs/frames.md says what each column means."""
 
 import functools
 import os

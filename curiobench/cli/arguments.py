@@ -122,7 +122,7 @@ class TableArguments:
 class FigureArguments:
     """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
 
-    Each task has its own files, in which a method keeps its colour. docs/results.md says what each shows.
+    Each task has its own files, in which a method keeps its colour. docs/figures.md says what each shows.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
