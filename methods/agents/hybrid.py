@@ -67,7 +67,7 @@ class HybridAgent(LearningAgent):
         self.hybrid = hybrid = hybrid or HybridConfig()
         self.learner = Learner(layout, config, generator, method, n_policies=2)
         self.intrinsic_values = IntrinsicValues(layout, config, hybrid.popart_rate, generator)
-        self.learner.train(self.losses, intrinsic_values=self.intrinsic_values)
+        self.learner.prepare(self.losses, intrinsic_values=self.intrinsic_values)
         self._explores_by = MEMBERS.index(hybrid.q_int_normalisation)
         self._exploited = self._acted = 0
         self._measured: dict[str, float] = {}

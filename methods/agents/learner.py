@@ -53,7 +53,7 @@ class Learner:
         method: IntrinsicReward | None,
         n_policies: int = 1,
     ) -> None:
-        """As in `SAC`; policies start alike. `train` is to be called next."""
+        """As in `SAC`; policies start alike. `prepare` is to be called next."""
         self.layout, self.config, self.generator, self.device = layout, config, generator, generator.device
         curious = layout, config.tau, config.reward_window, self.device
         self.curiosity = None if method is None else Curiosity(method, *curious)
@@ -67,7 +67,7 @@ class Learner:
         self.updates = 0
         self.batch: StaticBatch | None = None
 
-    def train(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
+    def prepare(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
         """Set up Adam for all weights, those of more values among them, and the temperature if it is tuned."""
         values, targets = [self.critics], [self.target_critics]
         values += [value.net for value in more.values()]

@@ -38,7 +38,7 @@ class SAC(LearningAgent):
             method: the curiosity method, or None for the extrinsic reward alone.
         """
         self.learner = Learner(layout, config, generator, method)
-        self.learner.train(self.losses)
+        self.learner.prepare(self.losses)
 
     @torch.no_grad()
     def act(
