@@ -18,7 +18,7 @@ import pandas as pd
 
 from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
-from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.run_folder import read_config
 from curiobench.saved_agent import load_agent as load_config_and_agent
 from curiobench.training import train as train_run
@@ -30,7 +30,7 @@ PARTS = ("observation", "achieved_goal", "desired_goal")
 class Agent:
     """A trained agent."""
 
-    def __init__(self, agent: SAC) -> None:
+    def __init__(self, agent: LearningAgent) -> None:
         self._agent = agent
 
     def predict(
@@ -57,7 +57,7 @@ class Agent:
         """
         if missing := [name for name in PARTS if name not in observation]:
             raise ValueError(f"the observation lacks {missing[0]!r}; it needs {', '.join(PARTS)}")
-        layout = self._agent.layout
+        layout = self._agent.learner.layout
         parts = [np.asarray(observation[name], np.float32) for name in PARTS]
         for name, part, size in zip(PARTS, parts, (layout.observation_size, *[layout.goal_size] * 2), strict=True):
             if part.ndim not in (1, 2) or part.shape[-1] != size:

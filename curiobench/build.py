@@ -8,8 +8,8 @@ import torch
 
 from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.pairs import PairLayout
-from curiobench.methods.agents.sac import SAC
 from curiobench.methods.curriculum import Curriculum, GoalMethod, Goals
 from curiobench.methods.plugins import building
 from curiobench.methods.registry import make_agent, parse_spec
@@ -38,7 +38,7 @@ def check_device(device: str) -> None:
         )
 
 
-def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> SAC:
+def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> LearningAgent:
     """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
     check_device(config.device)
     generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))

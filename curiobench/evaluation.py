@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from curiobench.display import align
-from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import play, policy, successes
 from curiobench.tasks import BatchedStacking
@@ -88,7 +88,7 @@ class Evaluator:
         n_episodes = len(self.goal_space) * episodes_per_goal
         self._worlds = BatchedStacking(task, min(n_episodes, MAX_WORLDS), robot, threads, seed=EVALUATION_SEED)
 
-    def evaluate(self, agent: SAC) -> Evaluation:
+    def evaluate(self, agent: LearningAgent) -> Evaluation:
         """Run all test episodes. Changes nothing in the agent, whose deterministic policy draws no random numbers."""
         goals = np.repeat(self.goal_space.goals, self.episodes_per_goal, axis=0)
         size = self._worlds.n_worlds
@@ -97,7 +97,7 @@ class Evaluator:
         shape = len(self.goal_space), self.episodes_per_goal
         return Evaluation(self.goal_space, success.reshape(shape), satisfied.reshape(shape))
 
-    def _episodes(self, agent: SAC, goals: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
+    def _episodes(self, agent: LearningAgent, goals: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Success and satisfied at start, `(K,)` bool each, of K ≤ N test episodes, the first of which has this number.
 
         An episode whose physics diverged has failed.

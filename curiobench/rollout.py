@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from curiobench.methods.agents.sac import SAC, NonFiniteError
+from curiobench.methods.agents.agent import LearningAgent
+from curiobench.methods.guard import NonFiniteError
 from curiobench.replay import Episodes
 from curiobench.tasks.registration import EPISODE_STEPS
 
@@ -55,13 +56,13 @@ def play(
     return Rollout(Episodes(observation, achieved, np.stack(actions, axis=1), seen.desired_goal), intact, reward)
 
 
-def policy(agent: SAC, deterministic: bool = False) -> Act:
+def policy(agent: LearningAgent, deterministic: bool = False) -> Act:
     """The agent's policy, for `play`."""
     return lambda seen: agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic)
 
 
 def collect(
-    worlds: "BatchedStacking", agent: SAC, goals: np.ndarray, tested: np.ndarray | None = None
+    worlds: "BatchedStacking", agent: LearningAgent, goals: np.ndarray, tested: np.ndarray | None = None
 ) -> tuple[Episodes, np.ndarray]:
     """One episode in every world, by the agent's stochastic policy.
 

@@ -9,7 +9,7 @@ import numpy as np
 from curiobench import checkpoint
 from curiobench.build import build_agent, build_replay
 from curiobench.config import RunConfig
-from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.process import tune_process
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
@@ -25,7 +25,7 @@ class SavedRun:
     """Run folder."""
     config: RunConfig
     """Of the run."""
-    agent: SAC
+    agent: LearningAgent
     """On the CPU."""
     epoch: int
     """Epochs that the agent has completed."""
@@ -48,7 +48,7 @@ class SavedRun:
         return replay
 
 
-def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, SAC]:
+def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
     """The config and the agent of a run folder; see `load_saved`."""
     saved = load_saved(path, trusted)
     return saved.config, saved.agent

@@ -19,10 +19,9 @@ from curiobench.build import build_agent, build_curriculum, build_replay
 from curiobench.config import RunConfig
 from curiobench.evaluation import Evaluation, last_evaluation, learned_by_layer
 from curiobench.files import now
-from curiobench.methods.agents.sac import NonFiniteError
 from curiobench.methods.curriculum import Situation
 from curiobench.methods.goal_guard import curriculum_metrics, curriculum_state, goal_weights, goals_drawn
-from curiobench.methods.guard import blamed
+from curiobench.methods.guard import NonFiniteError, blamed
 from curiobench.methods.reward import Batch
 from curiobench.replay import Episodes
 from curiobench.rollout import collect, successes
@@ -165,8 +164,9 @@ class TrainingState:
 
     def _sample(self) -> dict[str, np.ndarray | None]:
         """A batch, and what else the curiosity method asks for."""
-        agent, size = self.agent, self.config.batch_size
-        return self.replay.sample(size, self._generators["replay"], agent.n_particles, agent.uses_episode)
+        method = self.agent.learner.curiosity and self.agent.learner.curiosity.method
+        wanted = (method.n_particles, method.uses_episode) if method else ()
+        return self.replay.sample(self.config.batch_size, self._generators["replay"], *wanted)
 
     def end_epoch(self) -> None:
         """Count an epoch and start the sums of the next."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from curiobench.config import RunConfig
-from curiobench.methods.agents.sac import SAC
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.rollout import play, policy
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.rendering import WorldRenderer
@@ -16,7 +16,7 @@ SUFFIXES = (".mp4", ".gif")
 
 
 def film(
-    agent: SAC, config: RunConfig, goal: str, out: Path | None, run: Path, episodes: int = 1, seed: int = 0
+    agent: LearningAgent, config: RunConfig, goal: str, out: Path | None, run: Path, episodes: int = 1, seed: int = 0
 ) -> tuple[Path, int]:
     """Film episodes from plain starts, by the deterministic policy, one after the other.
 

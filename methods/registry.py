@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
@@ -125,7 +126,7 @@ def make_agent(
     generator: torch.Generator,
     hybrid: HybridConfig | None = None,
     settings: object | None = None,
-) -> SAC:
+) -> LearningAgent:
     """The agent of a method spec, on the generator's device.
 
     Args:
@@ -141,9 +142,7 @@ def make_agent(
         ValueError: no legal spec, or the curiosity method cannot be built; one line that names its file.
     """
     parsed = parse_spec(spec)
-    if parsed.reward is None:
-        return SAC(layout, config, generator)
-    intrinsic = _build(parsed, layout, settings or parsed.reward.Config(), generator)
+    intrinsic = parsed.reward and _build(parsed, layout, settings or parsed.reward.Config(), generator)
     if parsed.hybrid:
         return HybridAgent(layout, config, generator, intrinsic, hybrid)
     return SAC(layout, config, generator, intrinsic)

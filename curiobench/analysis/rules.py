@@ -17,7 +17,6 @@ from curiobench.analysis.frames import IDENTITY, METHOD_ORDER
 from curiobench.analysis.submission import (
     Fault,
     Reference,
-    Skipped,
     Submission,
     examine,
     goals_in,
@@ -26,7 +25,7 @@ from curiobench.analysis.submission import (
     rule,
     task_and_robot,
 )
-from curiobench.check import Finding
+from curiobench.check import Finding, Skipped
 from curiobench.methods.specs import canonical, split
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
 from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION

@@ -17,7 +17,7 @@ from curiobench.analysis.folders import available
 from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, load, read_results
 from curiobench.analysis.rows import LARGEST_LISTED_TASK
 from curiobench.analysis.runs import versions_of
-from curiobench.check import Finding
+from curiobench.check import Finding, Skipped
 from curiobench.config import with_later_fields
 from curiobench.files import read_json
 from curiobench.options import flatten
@@ -34,10 +34,6 @@ PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "p
 """Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
 
 Fault = tuple[str, str]  # what is wrong, and the run in which it is; no run where it is about several
-
-
-class Skipped(Exception):
-    """A rule does not apply; says why."""
 
 
 @dataclass(frozen=True)

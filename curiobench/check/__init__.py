@@ -16,3 +16,7 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.verdict}  {self.property}{self.detail and ': '}{self.detail}"
+
+
+class Skipped(Exception):
+    """A rule does not apply; says why."""

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from curiobench.build import pair_layout
-from curiobench.check import Finding
+from curiobench.check import Finding, Skipped
 from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot, used_globals
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import summary
@@ -33,10 +33,6 @@ TIMED_BATCH = 512
 
 class Broken(Exception):
     """A rule is broken; says what was expected and what was found."""
-
-
-class Skipped(Exception):
-    """A rule does not apply; says why."""
 
 
 def examine(method: type[IntrinsicReward]) -> list[Finding]:
@@ -157,12 +153,12 @@ def _same_part(first: Transitions, second: Transitions, name: str) -> bool:
 def agent_untouched(subject: Subject) -> None:
     agent, method, transitions = subject.agent(), subject.trained(), subject.transitions(5)
     batch = subject.batch()
-    inputs = agent.encoder.encode(batch.observation, batch.achieved_goal, batch.desired_goal)
-    action, _ = agent.actor.sample(inputs, torch.zeros_like(batch.action))
+    inputs = agent.learner.encoder.encode(batch.observation, batch.achieved_goal, batch.desired_goal)
+    (action,), _ = agent.learner.actor.sample(inputs, torch.zeros_like(batch.action))
     method.reward(transitions)
     method.update(transitions)
     method.policy_loss_term(transitions, batch.desired_goal, action)
-    reached = [weight for weight in (*agent.actor.parameters(), *agent.critics.parameters()) if weight.grad is not None]
+    reached = [weight for weight in agent.learner.trained if weight.grad is not None]
     expect(not reached, "no gradient in the agent's weights", f"one in {len(reached)} of its tensors")
 
 

@@ -10,14 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from curiobench.methods.agents.capture import StaticBatch
-from curiobench.methods.agents.hybrid import EXPLORE, HybridAgent
-from curiobench.methods.agents.networks import squashed_gaussian
-from curiobench.methods.agents.pairs import PairInputs
+from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.q_int import MEMBERS
-from curiobench.methods.agents.sac import SAC
 from curiobench.methods.guard import MethodError
-from curiobench.methods.reward import Batch, Transitions
+from curiobench.methods.reward import Batch
 from curiobench.methods.specs import shown
 from curiobench.probe.episodes import Played, transitions
 from curiobench.probe.steps import falling, lifting
@@ -97,7 +93,7 @@ def open_runs(
         if (run.config.task, run.config.robot) != (first.task, first.robot):
             here, there = (f"{c.task} with the {c.robot}" for c in (run.config, first))
             raise ValueError(f"{run.path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
-    curious = [run for run in saved if run.agent.curiosity is not None]
+    curious = [run for run in saved if run.agent.learner.curiosity is not None]
     notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
         raise ValueError("; ".join(notes))
@@ -116,8 +112,9 @@ def own_transitions(run: ProbedRun, seed: int) -> Batch:
     Raises ValueError where the replay is gone or damaged.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
-    wanted = run.agent.n_particles, run.agent.uses_episode
-    return Batch.from_numpy(run.load_replay().sample(others(run), generator, *wanted))
+    method = run.agent.learner.curiosity.method
+    drawn = run.load_replay().sample(others(run), generator, method.n_particles, method.uses_episode)
+    return Batch.from_numpy(drawn)
 
 
 def others(run: ProbedRun) -> int:
@@ -132,7 +129,7 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
     Args:
         run: has the agent.
         played: N episodes.
-        reference: at least `others(run)` transitions and, unless it holds particles, `run.agent.n_particles`.
+        reference: at least `others(run)` transitions and, unless it holds particles, as many as the method wants.
 
     Raises:
         ValueError: the method raised, or its reward is faulty; names the method and its file.
@@ -143,7 +140,7 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
         raw = score_one_by_one(run, Batch.from_numpy(probed), reference)
     except MethodError as error:
         raise ValueError(f"{run.path}: {error}") from None
-    normalised = run.agent.curiosity.moments.normalise(raw)
+    normalised = run.agent.learner.curiosity.moments.normalise(raw)
     q_int = {}
     if isinstance(run.agent, HybridAgent):
         values = run.agent.q_int(probed["observation"], probed["action"])
@@ -157,39 +154,21 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     A method from outside may compare a transition with others of its batch. Scored together, the steps of an episode
     would be compared with each other, and a reward would depend on how long the block rests afterwards.
     """
-    n, size, n_particles = len(probed.reward), others(run), run.agent.n_particles
-    episodes = () if run.agent.uses_episode else ("episode_observation", "episode_achieved_goal")
+    n, size, method = len(probed.reward), others(run), run.agent.learner.curiosity.method
+    episodes = () if method.uses_episode else ("episode_observation", "episode_achieved_goal")
     wanted = vars(probed).keys() - {"particles", *episodes}
     parts = {name: [part, getattr(reference, name)] for name, part in vars(probed).items() if name in wanted}
     together = Batch(
         **{name: torch.cat(both)[: n + size] for name, both in parts.items() if all(part is not None for part in both)}
     )
-    if n_particles:
-        states = reference.next_observation[-n_particles:] if reference.particles is None else reference.particles
-        together = replace(together, particles=states)
+    if method.n_particles:
+        states = reference.next_observation[-method.n_particles :]
+        together = replace(together, particles=states if reference.particles is None else reference.particles)
     epoch = run.config.paper_epoch(run.epoch) if run.as_of_epoch is None else run.as_of_epoch
-    seen = what_method_sees(run.agent, together, epoch)
+    seen = run.agent.transitions(together, epoch)
     rest = torch.arange(n, n + size)
     batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
-    return torch.stack([run.agent.curiosity.reward(batch)[0] for batch in batches])
-
-
-def what_method_sees(agent: SAC, batch: Batch, epoch: int) -> Transitions:
-    """Raw transitions as the agent shows them to its method in training: states by its own normalisers, which stay."""
-    static = StaticBatch(agent.layout, len(batch.reward), agent.device)
-    static.load(batch)
-    inputs, next_inputs = agent.encoder.encode_rows(static.rows)
-    policy = _policy(agent, inputs) if agent.curiosity.method.uses_policy else (None, None)
-    return agent.transitions(static, (inputs.state, next_inputs.state), epoch, *policy)
-
-
-def _policy(agent: SAC, inputs: PairInputs) -> tuple[tuple[torch.Tensor, torch.Tensor], ...]:
-    """Distribution and sample of the policy that explores; the sample does not touch the agent's generator."""
-    distribution = agent.actor(inputs)
-    if isinstance(agent, HybridAgent):
-        distribution = tuple(part[EXPLORE] for part in distribution)
-    noise = torch.randn(distribution[0].shape, generator=torch.Generator().manual_seed(0))
-    return distribution, squashed_gaussian(*distribution, noise)
+    return torch.stack([run.agent.learner.curiosity.reward(batch)[0] for batch in batches])
 
 
 def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:

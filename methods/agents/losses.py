@@ -4,6 +4,8 @@ from torch import Tensor, addcmul
 
 Metrics = dict[str, Tensor]
 """Scalar tensors by name."""
+Losses = dict[str, tuple[Tensor, Metrics]]
+"""Losses () by name, each with its metrics."""
 
 
 def bootstrapped_target(
@@ -39,3 +41,21 @@ def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float)
     """log alpha () and log-densities (B,)."""
     loss = -log_alpha * (log_prob.detach().mean() + target_entropy)
     return loss, {"temperature_loss": loss.detach()}
+
+
+def policy_losses(
+    values: Tensor,
+    log_prob: Tensor,
+    log_alpha: Tensor,
+    target_entropy: float | None,
+    term: Tensor | None = None,
+    prefix: str = "",
+) -> Losses:
+    """`policy_loss` and, with a target of the entropy, `temperature_loss`; `prefix` begins all names."""
+    found = {"policy": policy_loss(values, log_prob, log_alpha.detach().exp(), term)}
+    if target_entropy is not None:
+        found["temperature"] = temperature_loss(log_alpha, log_prob, target_entropy)
+    return {
+        prefix + name: (loss, {prefix + key: value for key, value in metrics.items()})
+        for name, (loss, metrics) in found.items()
+    }

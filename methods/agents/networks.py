@@ -31,20 +31,25 @@ def make_net(
 
 
 class Actor(nn.Module):
-    """Tanh-squashed diagonal Gaussian policy pi(a | s, g)."""
+    """Tanh-squashed diagonal Gaussian policies pi(a | s, g), P of them that start alike, evaluated together."""
 
-    def __init__(self, encoder: PairEncoder, config: SACConfig, generator: torch.Generator) -> None:
+    def __init__(
+        self, encoder: PairEncoder, config: SACConfig, generator: torch.Generator, n_policies: int = 1
+    ) -> None:
         super().__init__()
         outputs = 2 * encoder.layout.action_size
         self.net = make_net(config, 1, encoder.context_size, encoder.pair_size, outputs, generator)
+        if n_policies > 1:
+            for name, weights in list(self.net.named_parameters()):
+                setattr(self.net, name, nn.Parameter(weights.detach().repeat(n_policies, 1, 1)))
 
     def forward(self, inputs: PairInputs) -> tuple[Tensor, Tensor]:
-        """Mean and log standard deviation, each (B, A), of the action before squashing."""
-        mean, log_std = self.net(inputs.context.unsqueeze(0), inputs.pairs)[0, 0].chunk(2, dim=-1)
+        """Mean and log standard deviation, each (P, B, A), of the actions before squashing."""
+        mean, log_std = self.net(inputs.context.unsqueeze(0), inputs.pairs)[:, 0].chunk(2, dim=-1)
         return mean, log_std.clamp(*LOG_STD_RANGE)
 
     def sample(self, inputs: PairInputs, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions (B, A) in (-1, 1) and their log-densities (B,), from standard normal noise (B, A)."""
+        """Actions (P, B, A) in (-1, 1) and log-densities (P, B), all from the same standard normal noise (B, A)."""
         return squashed_gaussian(*self(inputs), noise)
 
 
@@ -67,7 +72,7 @@ class TwinCritics(nn.Module):
 
 
 def squashed_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-    """a = tanh(u), u = mean + std · noise: actions (B, A) and log pi(a) (B,), from three arrays (B, A).
+    """a = tanh(u), u = mean + std · noise: actions (…, A) and log pi(a) (…), from three arrays (…, A).
 
     log pi(a) = sum of log N(u) - log(1 - tanh(u)²) (Haarnoja et al. 2018, appendix C). The last term is taken as
     2 (log 2 - u - softplus(-2u)), which stays finite where tanh saturates.

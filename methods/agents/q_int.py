@@ -22,7 +22,7 @@ from curiobench.methods.agents.deepsets import DeepSets
 from curiobench.methods.agents.losses import Metrics, critic_loss
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.popart import PopArt
-from curiobench.methods.agents.settings import QIntNormalisation
+from curiobench.methods.agents.settings import QIntNormalisation, SACConfig
 
 MEMBERS = get_args(QIntNormalisation)
 """The two values, in the order of the network's members."""
@@ -33,27 +33,17 @@ class IntrinsicValues:
 
     _STATEFUL = ("net", "target_net", "popart")
 
-    def __init__(
-        self,
-        layout: PairLayout,
-        hidden: int,
-        layer_norm: bool,
-        gamma: float,
-        popart_rate: float,
-        generator: torch.Generator,
-    ) -> None:
+    def __init__(self, layout: PairLayout, config: SACConfig, popart_rate: float, generator: torch.Generator) -> None:
         """
         Args:
             layout: where the body ends and the blocks begin in a state; sizes of actions.
-            hidden: units in each of three hidden layers.
-            layer_norm: normalise the first and the third of them.
-            gamma: discount factor a step.
+            config: units in each of three hidden layers, whether the first and the third are normalised, discount.
             popart_rate: share of a batch in PopArt's statistics.
             generator: draws the weights, on its device.
         """
-        self.layout, self.gamma = layout, gamma
+        self.layout, self.gamma = layout, config.gamma
         context, blocks = layout.body_size + layout.action_size, layout.n_blocks * layout.block_size
-        self.net = DeepSets(len(MEMBERS), context, blocks, hidden, 1, layer_norm, generator)
+        self.net = DeepSets(len(MEMBERS), context, blocks, config.hidden, 1, config.layer_norm, generator)
         self.target_net = copy.deepcopy(self.net).requires_grad_(False)
         popart = MEMBERS.index("popart")
         layers = [(net.out_weights[popart], net.out_bias[popart]) for net in (self.net, self.target_net)]

@@ -69,9 +69,9 @@ Product = tuple[int, int, int, int]
 
 def products(agent: SAC, batch: int, acts: bool) -> list[Product]:
     """Every product in one update, with a step of the policy or without."""
-    layout, encoder, hidden = agent.layout, agent.encoder, agent.config.hidden
-    wide = 2 * hidden if agent.config.network == "pair_attention" else hidden
-    n_pairs = len(encoder.encode_plainly(agent._static.rows)[2][0])
+    layout, encoder, hidden = agent.learner.layout, agent.learner.encoder, agent.learner.config.hidden
+    wide = 2 * hidden if agent.learner.config.network == "pair_attention" else hidden
+    n_pairs = len(encoder.encode_plainly(agent.learner.batch.rows)[2][0])
 
     def forward(members: int, context: int, contexts: int, out: int) -> list[Product]:
         rows = contexts * batch

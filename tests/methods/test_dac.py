@@ -148,8 +148,8 @@ def test_agent_shows_its_policy_at_the_weights_it_learns_from(monkeypatch):
     reward = method.reward
     monkeypatch.setattr(method, "reward", lambda transitions: seen.append(transitions) or reward(transitions))
     batch = random_batch(SMALL, 6, rng)
-    inputs = agent.encoder.encode(batch.observation, batch.achieved_goal.float(), batch.desired_goal.float())
-    mean, log_std = (tensor.detach() for tensor in agent.actor(inputs))
+    inputs = agent.learner.encoder.encode(batch.observation, batch.achieved_goal.float(), batch.desired_goal.float())
+    (mean,), (log_std,) = (tensor.detach() for tensor in agent.learner.actor(inputs))
     agent.update(batch)
     view = seen[0].policy
     assert torch.equal(view.desired_goal, batch.desired_goal.float())

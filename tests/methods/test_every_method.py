@@ -153,12 +153,12 @@ def test_agent_with_weight_zero_trains_as_without_the_method(spec):
     config = SACConfig(hidden=16, tau=0.0)
     with_method, without = (make_agent(s, SMALL, config, torch.Generator().manual_seed(0)) for s in (spec, "sac"))
     for name in ("actor", "critics", "target_critics"):  # built after the method, so drawn from a later generator
-        getattr(with_method, name).load_state_dict(getattr(without, name).state_dict())
-    with_method.generator.set_state(without.generator.get_state())
+        getattr(with_method.learner, name).load_state_dict(getattr(without.learner, name).state_dict())
+    with_method.learner.generator.set_state(without.learner.generator.get_state())
     train(with_method, range(4))
     train(without, range(4))
     for name in ("actor", "critics"):
-        assert same_state(getattr(with_method, name).state_dict(), getattr(without, name).state_dict())
+        assert same_state(with_method.state_dict()[name], without.state_dict()[name])
 
 
 def test_every_field_has_its_docstring():
@@ -205,9 +205,9 @@ def test_a_method_sees_nothing_but_what_it_is_set_to(spec, sees):
         agent.update(random_batch(layout, 16, rng))
 
     def rewards(states: torch.Tensor) -> torch.Tensor:
-        seen = agent.curiosity.visible(states)
-        return agent.curiosity.method.reward(
-            Transitions(seen, torch.zeros(16, 4), seen, 200, particles=agent.curiosity.visible(others))
+        seen = agent.learner.curiosity.visible(states)
+        return agent.learner.curiosity.method.reward(
+            Transitions(seen, torch.zeros(16, 4), seen, 200, particles=agent.learner.curiosity.visible(others))
         )
 
     states, others = torch.from_numpy(rng.normal(size=(2, 16, layout.observation_size))).float()

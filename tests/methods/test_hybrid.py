@@ -14,10 +14,12 @@ from layouts import SMALL
 from test_sac import Counting, agent_of, random_batch, same_state
 from test_sac_learning import two_state_batch
 
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS, HybridAgent
 from curiobench.methods.agents.pairs import PairInputs
-from curiobench.methods.agents.sac import SAC, NonFiniteError
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
+from curiobench.methods.guard import NonFiniteError
 from curiobench.methods.reward import Batch
 
 
@@ -34,9 +36,9 @@ def raw_of(batch: Batch) -> list[np.ndarray]:
     return [getattr(batch, name).numpy() for name in ("observation", "achieved_goal", "desired_goal")]
 
 
-def of_policy(agent: HybridAgent, policy: int) -> list[torch.Tensor]:
-    """Weights of pi_d or pi_c."""
-    return [weights[policy] for weights in agent.actor.net.parameters()]
+def of_policy(agent: LearningAgent, policy: int) -> list[torch.Tensor]:
+    """Weights of pi_d, which is SAC's only one, or pi_c."""
+    return [weights[policy] for weights in agent.learner.actor.net.parameters()]
 
 
 def equal(first, second) -> bool:
@@ -58,7 +60,7 @@ def test_exploitation_learns_what_sac_learns_from_the_same_batches(tau, tune_tem
     """
     sac, hybrid = (make(tune_temperature=tune_temperature, tau=tau) for make in (agent_of, hybrid_of))
     tolerance = {"rtol": 1e-5, "atol": 1e-6}
-    sac.generator.set_state(hybrid.generator.get_state())  # building Q_int drew from it
+    sac.learner.generator.set_state(hybrid.learner.generator.get_state())  # building Q_int drew from it
     rng = np.random.default_rng(0)
     for _ in range(6):
         batch = random_batch(SMALL, 8, rng)
@@ -67,8 +69,10 @@ def test_exploitation_learns_what_sac_learns_from_the_same_batches(tau, tune_tem
         if tau == 0:
             np.testing.assert_allclose(actions, expected, **tolerance)
     for policy in (EXPLOIT, EXPLORE) if tau == 0 else (EXPLOIT,):
-        torch.testing.assert_close(of_policy(hybrid, policy), [w[0] for w in sac.actor.net.parameters()], **tolerance)
-    torch.testing.assert_close([*hybrid.critics.parameters()], [*sac.critics.parameters()], **tolerance)
+        torch.testing.assert_close(
+            of_policy(hybrid, policy), [w[0] for w in sac.learner.actor.net.parameters()], **tolerance
+        )
+    torch.testing.assert_close([*hybrid.learner.critics.parameters()], [*sac.learner.critics.parameters()], **tolerance)
     np.testing.assert_allclose(hybrid.act(*raw_of(batch), True), sac.act(*raw_of(batch), True), **tolerance)
     assert equal(of_policy(hybrid, EXPLORE), of_policy(hybrid, EXPLOIT)) == (tau == 0)
 
@@ -114,8 +118,8 @@ def with_stubs(cls: type[HybridAgent], q_d: list[float], q_c: list[float], q_int
         assert (asked == 1).all()  # pi_c's
         return torch.tensor([[q_int], [[0.0] * n]])
 
-    agent.actor = SimpleNamespace(sample=lambda inputs, noise: (actions, torch.zeros(2, n)))
-    agent.critics, agent.intrinsic_values = critics, intrinsic_values
+    agent.learner.actor = SimpleNamespace(sample=lambda inputs, noise: (actions, torch.zeros(2, n)))
+    agent.learner.critics, agent.intrinsic_values = critics, intrinsic_values
     return agent
 
 
@@ -167,11 +171,11 @@ def test_spreads_over_actions_are_measured_in_states_of_the_first_batch_after_ea
     for batch in (first, second):
         agent.act(*raw_of(batch))
         found = agent.update(batch)
-    inputs = agent.encoder.encode(*map(torch.as_tensor, raw_of(first)))
+    inputs = agent.learner.encoder.encode(*map(torch.as_tensor, raw_of(first)))
     shape = (PROBE_ACTIONS, 8, SMALL.action_size)
     actions = torch.rand(shape, generator=torch.Generator().manual_seed(0)) * 2 - 1
     with torch.no_grad():
-        q_ext = [agent.critics(inputs, a[None]).amin(0)[0].numpy() for a in actions]
+        q_ext = [agent.learner.critics(inputs, a[None]).amin(0)[0].numpy() for a in actions]
         q_int = [agent.intrinsic_values(inputs.state, a[None])[0, 0].numpy() for a in actions]
     assert found["q_ext_action_spread"] == pytest.approx(np.std(q_ext, axis=0).mean(), rel=1e-4)
     assert found["q_int_action_spread"] == pytest.approx(0.3 * np.std(q_int, axis=0).mean(), rel=1e-4)
@@ -192,10 +196,10 @@ def test_adaptive_tau_steers_the_spread_of_q_int_to_its_share_of_that_of_q_ext(a
         agent.act(*raw_of(batch))
         agent._measured = {}
         with pytest.MonkeyPatch.context() as patch:  # Q_ext spreads by 3, Q_int by 0.1 over the tried actions
-            for name, size in (("critics", 3.0), ("intrinsic_values", 0.1)):
-                patch.setattr(agent, name, lambda _, tried, size=size: alternating(tried, size))
+            for holder, name, size in ((agent.learner, "critics", 3.0), (agent, "intrinsic_values", 0.1)):
+                patch.setattr(holder, name, lambda _, tried, size=size: alternating(tried, size))
             agent._probe = torch.zeros(1, 8, SMALL.observation_size + 2 * SMALL.goal_size)
-            agent._measure(None)
+            agent._measure()
     found = agent._measured
     assert found["q_ext_action_spread"] == pytest.approx(3)
     assert found["tau"] == pytest.approx(0.25 * 3 / 0.1 if adaptive else 0.2, rel=0.01)
@@ -226,10 +230,10 @@ def test_evaluation_is_pi_d_alone_and_draws_and_counts_nothing():
 def test_no_loss_reaches_the_weights_of_another():
     agent, caught = hybrid_of(tune_temperature=True, tau=0.5), {}
     agent.update(random_batch(SMALL, 8, np.random.default_rng(0)))  # so that pi_c and pi_d differ
-    agent._descend = lambda losses, acts: caught.update(losses)
+    agent.learner.descend = lambda found, acts: caught.update({name: loss for name, (loss, _) in found.items()}) or {}
     agent.update(random_batch(SMALL, 8, np.random.default_rng(1)))
-    policies, alphas = [*agent.actor.parameters()], [agent.log_alpha]
-    groups = {"critics": [*agent.critics.parameters()], "q_int": [*agent.intrinsic_values.net.parameters()]}
+    policies, alphas = [*agent.learner.actor.parameters()], [agent.learner.log_alpha]
+    groups = {"critics": [*agent.learner.critics.parameters()], "q_int": [*agent.intrinsic_values.net.parameters()]}
     for policy, name in ((EXPLOIT, ""), (EXPLORE, "explorer_")):
         groups |= {f"{name}policy": (policies, policy), f"{name}temperature": (alphas, policy)}
     assert caught.keys() == groups.keys()
@@ -246,8 +250,8 @@ def test_a_methods_term_in_the_policys_loss_goes_to_pi_c():
         agent, rng = hybrid_of(term=term, temperature=1.0), np.random.default_rng(0)
         for _ in range(60):
             agent.update(random_batch(SMALL, 8, rng))
-        inputs = agent.encoder.encode(*agent._tensors(*raw_of(random_batch(SMALL, 64, rng))))
-        return agent, agent.actor(inputs)[0][EXPLORE].tanh().mean().item()
+        inputs = agent.learner.encode(*raw_of(random_batch(SMALL, 64, rng)))
+        return agent, agent.learner.actor(inputs)[0][EXPLORE].tanh().mean().item()
 
     (with_term, moved), (without, still) = trained(10.0), trained(None)
     assert moved < still - 0.3
@@ -264,9 +268,10 @@ class Offset(Counting):
 def test_q_int_recovers_the_exact_value_of_a_two_state_world():
     gamma, batch = 0.5, two_state_batch(64)
     agent = hybrid_of(gamma=gamma, learning_rate=3e-3, polyak=0.5, layer_norm=False, popart_rate=0.05)
-    agent.curiosity.method = Offset(0, 0, Counting.Config(), None)
+    agent.learner.curiosity.method = Offset(0, 0, Counting.Config(), None)
     for count in range(600):
-        agent.optimiser.param_groups[0]["lr"] = 3e-3 * min(1, 2 - count / 300)  # to nothing, so that the values settle
+        rate = 3e-3 * min(1, 2 - count / 300)  # to nothing, so that the values settle
+        agent.learner.optimiser.param_groups[0]["lr"] = rate
         agent.update(batch)
     found = agent.q_int(batch.observation.numpy(), batch.action.numpy())
     level, half = 3 / (1 - gamma), 0.5 / (1 + gamma)  # of 3, 3, 3, … and of 0.5, -0.5, 0.5, …
@@ -353,6 +358,6 @@ def test_page_gives_the_defaults_and_the_logged_names():
     agent, batch = hybrid_of(tune_temperature=True), random_batch(SMALL, 8, np.random.default_rng(0))
     own = (
         step(agent, batch)[1].keys()
-        - agent_of(method=agent.curiosity.method, tune_temperature=True).update(batch).keys()
+        - agent_of(method=agent.learner.curiosity.method, tune_temperature=True).update(batch).keys()
     )
     assert set(re.findall(r"^\| `(\w+)` \| [^|]+ \|$", page, re.MULTILINE)) == own

@@ -213,7 +213,7 @@ def test_a_fault_in_training_names_method_file_and_update_and_spares_the_agent(s
     agent = make_agent(spec, SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
     batch = random_batch(SMALL, 8, np.random.default_rng(0))
     agent.update(batch)
-    agent.curiosity.method = faulty(name, function)
+    agent.learner.curiosity.method = faulty(name, function)
     before = agent.state_dict()
     with pytest.raises(MethodError, match=rf"method test_plugins:Faulty in .*test_plugins\.py, update 1: {message}"):
         agent.update(batch)
@@ -224,7 +224,7 @@ def test_a_fault_in_training_names_method_file_and_update_and_spares_the_agent(s
 def test_a_method_that_does_not_take_its_state_back_is_named():
     agent = make_agent("rnd", SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
     state = agent.state_dict()
-    agent.curiosity.method = faulty("load_state_dict", lambda self, state: state["old"])
+    agent.learner.curiosity.method = faulty("load_state_dict", lambda self, state: state["old"])
     with pytest.raises(
         MethodError, match=r"method test_plugins:Faulty in .*: load_state_dict\(\) raised KeyError: 'old'"
     ):
@@ -233,6 +233,6 @@ def test_a_method_that_does_not_take_its_state_back_is_named():
 
 def test_a_state_that_no_checkpoint_gives_back_is_refused_when_it_is_saved():
     agent = make_agent("rnd", SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
-    agent.curiosity.method = faulty("state_dict", lambda self: {"seen": [1, {2}]})
+    agent.learner.curiosity.method = faulty("state_dict", lambda self: {"seen": [1, {2}]})
     with pytest.raises(MethodError, match=r"state_dict\(\) returned state\['seen'\]\[1\] = a set; expected tensors"):
         agent.state_dict()

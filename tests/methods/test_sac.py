@@ -13,9 +13,10 @@ from layouts import SMALL, layout_of
 
 from curiobench.methods.agents.losses import bootstrapped_target, critic_loss, policy_loss, temperature_loss
 from curiobench.methods.agents.pairs import PairLayout
-from curiobench.methods.agents.sac import SAC, NonFiniteError
+from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.curiosity import Curiosity
+from curiobench.methods.guard import NonFiniteError
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
 
@@ -118,7 +119,7 @@ def test_target_networks_keep_no_history():
     agent, rng = agent_of(target_every=1), np.random.default_rng(6)
     for _ in range(3):
         agent.update(random_batch(SMALL, 8, rng))
-    assert all(weight.grad_fn is None for weight in agent._targets)
+    assert all(weight.grad_fn is None for weight in agent.learner.targets)
 
 
 @pytest.mark.parametrize("pairs", ["symmetric", "oriented"])
@@ -128,7 +129,7 @@ def test_training_twice_gives_the_same_bits(pairs, identities):
         rng = np.random.default_rng(4)
         agent = agent_of(layout=layout_of(3), pairs=pairs, identities=identities, tune_temperature=True)
         for _ in range(5):
-            batch = random_batch(agent.layout, 8, rng)
+            batch = random_batch(agent.learner.layout, 8, rng)
             agent.observe(*(getattr(batch, n).numpy() for n in ("observation", "achieved_goal", "desired_goal")))
             agent.act(*(getattr(batch, n).numpy() for n in ("observation", "achieved_goal", "desired_goal")))
             agent.update(batch)
@@ -170,9 +171,9 @@ def test_state_of_another_kind_of_agent_is_refused():
 def test_deterministic_action_is_the_mode_and_draws_nothing():
     agent, raw = agent_of(), random_batch(SMALL, 6, np.random.default_rng(0))
     raw = raw.observation.numpy(), raw.achieved_goal.numpy(), raw.desired_goal.numpy()
-    before = agent.generator.get_state()
+    before = agent.learner.generator.get_state()
     action = agent.act(*raw, deterministic=True)
-    assert torch.equal(agent.generator.get_state(), before)
+    assert torch.equal(agent.learner.generator.get_state(), before)
     assert action.shape == (6, 2)
     assert action.dtype == np.float32
     assert not np.array_equal(agent.act(*raw), agent.act(*raw))
@@ -184,13 +185,13 @@ def test_update_reads_a_batch_only_through_its_fixed_buffers():
     first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
     agent.update(first)
     twin.update(first)
-    address = agent._static.rows.data_ptr()
+    address = agent.learner.batch.rows.data_ptr()
     metrics = agent.update(second)
-    twin._static.load(second)
-    assert same_state(twin._captured[True](), metrics)
-    assert agent._static.rows.data_ptr() == address
+    twin.learner.batch.load(second)
+    assert same_state(twin.learner.steps[True](), metrics)
+    assert agent.learner.batch.rows.data_ptr() == address
     for name in ("actor", "critics"):
-        assert same_state(getattr(agent, name).state_dict(), getattr(twin, name).state_dict())
+        assert same_state(agent.state_dict()[name], twin.state_dict()[name])
 
 
 def test_tuned_temperature_falls_while_entropy_is_above_target():
@@ -208,17 +209,18 @@ def test_learning_rate_falls_to_a_tenth_and_stays():
     rates = []
     for _ in range(6):
         agent.update(batch)
-        rates.append(agent.optimiser.param_groups[0]["lr"])
+        rates.append(agent.learner.optimiser.param_groups[0]["lr"])
     assert rates == pytest.approx([0.01, 0.00775, 0.0055, 0.00325, 0.001, 0.001])
 
 
 def test_target_critics_move_every_second_update():
     agent, rng = agent_of(polyak=0.25), np.random.default_rng(0)
-    before = [p.clone() for p in agent.target_critics.parameters()]
+    before = [p.clone() for p in agent.learner.target_critics.parameters()]
     agent.update(random_batch(SMALL, 8, rng))
-    assert all(torch.equal(a, b) for a, b in zip(before, agent.target_critics.parameters(), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(before, agent.learner.target_critics.parameters(), strict=True))
     agent.update(random_batch(SMALL, 8, rng))
-    for old, new, source in zip(before, agent.target_critics.parameters(), agent.critics.parameters(), strict=True):
+    critics = agent.learner.critics.parameters()
+    for old, new, source in zip(before, agent.learner.target_critics.parameters(), critics, strict=True):
         torch.testing.assert_close(new, 0.75 * old + 0.25 * source)
 
 
@@ -232,31 +234,32 @@ def test_the_policy_moves_every_other_update_only(spec):
     agent.update(batches[0])
     always.update(batches[0])
     assert same_state(agent.state_dict(), always.state_dict())
-    before = copy.deepcopy([agent.actor.state_dict(), agent.log_alpha.detach(), agent.critics.state_dict()])
+    learner = agent.learner
+    before = copy.deepcopy([learner.actor.state_dict(), learner.log_alpha.detach(), learner.critics.state_dict()])
     metrics = agent.update(batches[1])
-    assert same_state(agent.actor.state_dict(), before[0])
-    assert torch.equal(agent.log_alpha, before[1])
-    assert not same_state(agent.critics.state_dict(), before[2])
+    assert same_state(agent.learner.actor.state_dict(), before[0])
+    assert torch.equal(agent.learner.log_alpha, before[1])
+    assert not same_state(agent.learner.critics.state_dict(), before[2])
     assert "critic_loss" in metrics
     assert not {"policy_loss", "entropy", "temperature_loss"} & metrics.keys()
     agent.update(batches[2])
-    assert not same_state(agent.actor.state_dict(), before[0])
+    assert not same_state(agent.learner.actor.state_dict(), before[0])
 
 
 def check_intrinsic_reward(cls: type[Curiosity]) -> None:
     """r_int is added as a z-score by its past, as it was before the method learned from the batch, and as it is."""
     method = Counting(0, 0, Counting.Config(), None)
     agent = agent_of(method=method, tau=0.5)
-    agent.curiosity = cls(method, SMALL, tau=0.5)
+    agent.learner.curiosity = agent.learner.curiosity = cls(method, SMALL, tau=0.5)
     rng = np.random.default_rng(0)
     first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
     agent.update(first, epoch=3)
-    past = agent.curiosity.moments.state_dict()
+    past = agent.learner.curiosity.moments.state_dict()
     metrics = agent.update(second, epoch=4)
     assert [(updates, seen.epoch) for updates, seen in method.seen] == [(0, 3), (1, 4)]
     raw = (second.next_observation.clamp(-5, 5) - second.observation.clamp(-5, 5)).abs().mean(1)
     z = (raw - past["mean"]) / (past["m2"] / past["count"]).sqrt()
-    torch.testing.assert_close(agent._static.reward, (second.reward + 0.5 * z.clamp(-5, 5)).float())
+    torch.testing.assert_close(agent.learner.batch.reward, (second.reward + 0.5 * z.clamp(-5, 5)).float())
     assert metrics["counted"] == 2
     assert metrics["intrinsic_raw"].item() == pytest.approx(raw.mean().item())
 
@@ -277,7 +280,7 @@ def test_a_reward_that_shrinks_stays_alive_where_its_statistics_forget(window, a
     rng = np.random.default_rng(0)
     agent = agent_of(method=Shrinking(0, 0, Counting.Config(), None), reward_window=window)
     spread = [agent.update(random_batch(SMALL, 64, rng))["bonus_spread"].item() for _ in range(200)]
-    assert (min(spread[150:]) > 0.1 * agent.config.tau) == alive
+    assert (min(spread[150:]) > 0.1 * agent.learner.config.tau) == alive
 
 
 @pytest.mark.parametrize(
@@ -329,12 +332,12 @@ def test_policy_loss_term_moves_the_policy():
 def test_non_finite_loss_names_update_and_term_and_leaves_the_agent():
     agent, rng = agent_of(), np.random.default_rng(0)
     agent.update(random_batch(SMALL, 8, rng))
-    weights = [p.clone() for p in (*agent.actor.parameters(), *agent.critics.parameters())]
+    weights = [p.clone() for p in (*agent.learner.actor.parameters(), *agent.learner.critics.parameters())]
     batch = random_batch(SMALL, 8, rng)
     batch.reward[3] = math.nan
     with pytest.raises(NonFiniteError, match=r"update 1: loss not finite: critics \(nan\)"):
         agent.update(batch)
-    after = (*agent.actor.parameters(), *agent.critics.parameters())
+    after = (*agent.learner.actor.parameters(), *agent.learner.critics.parameters())
     assert all(torch.equal(a, b) for a, b in zip(weights, after, strict=True))
 
 

@@ -35,10 +35,10 @@ def test_critic_recovers_the_exact_value_of_a_two_state_world():
     gamma, batch = 0.5, two_state_batch()
     agent = agent_of(gamma=gamma, temperature=1e-6, learning_rate=3e-3, polyak=0.2, layer_norm=False)
     for step in range(800):
-        agent.optimiser.param_groups[0]["lr"] = 3e-3 * (1 - step / 800)  # to nothing, so that the values settle
+        agent.learner.optimiser.param_groups[0]["lr"] = 3e-3 * (1 - step / 800)  # to nothing, so that the values settle
         agent.update(batch)
-    inputs = agent.encoder.encode(batch.observation, batch.achieved_goal.float(), batch.desired_goal.float())
-    values = agent.critics(inputs, batch.action.unsqueeze(0))[:, 0].detach()
+    inputs = agent.learner.encoder.encode(batch.observation, batch.achieved_goal.float(), batch.desired_goal.float())
+    values = agent.learner.critics(inputs, batch.action.unsqueeze(0))[:, 0].detach()
     expected = {0.0: gamma / (1 - gamma**2), 1.0: 1 / (1 - gamma**2)}
     exact = torch.tensor([expected[r] for r in batch.reward.tolist()]).expand_as(values)
     error = values - exact

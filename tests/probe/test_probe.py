@@ -20,7 +20,7 @@ from curiobench.methods.reward import Batch
 from curiobench.probe import report
 from curiobench.probe.episodes import KINDS, play_scripts, reference_transitions, transitions
 from curiobench.probe.report import probe
-from curiobench.probe.scores import open_runs, others, own_transitions, read, score, what_method_sees
+from curiobench.probe.scores import open_runs, others, own_transitions, read, score
 from curiobench.probe.steps import Track, falling, lifting, push_moments, stack_moments
 from curiobench.tasks.goals import goal_space
 from curiobench.training import train
@@ -139,12 +139,12 @@ def test_numbers_are_those_of_direct_calls_and_nothing_changes(runs, played, ref
     start, step = 1, 7
     row = start * 50 + step
     arrays = {n: np.concatenate([a[row : row + 1], getattr(reference, n)[:15]]) for n, a in probed.items()}
-    n_particles = run.agent.n_particles
+    n_particles = run.agent.learner.curiosity.method.n_particles
     arrays["particles"] = reference.next_observation[-n_particles:].numpy() if n_particles else None
-    batch = what_method_sees(run.agent, Batch.from_numpy(arrays), epoch=1)
-    raw = run.agent.curiosity.method.reward(batch)[0]
+    batch = run.agent.transitions(Batch.from_numpy(arrays), epoch=1)
+    raw = run.agent.learner.curiosity.method.reward(batch)[0]
     assert reading.raw[start, step] == pytest.approx(float(raw), rel=1e-4, abs=1e-5)
-    moments = run.agent.curiosity.moments
+    moments = run.agent.learner.curiosity.moments
     z_score = np.clip((float(raw) - float(moments.mean)) / float(moments.std), -5, 5)
     assert reading.normalised[start, step] == pytest.approx(z_score, rel=1e-3, abs=1e-3)
     if spec.endswith("+hm"):
@@ -187,25 +187,25 @@ def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeyp
 
 def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
     (run,), _ = open_runs([runs["mi+hm"]])
-    run.agent.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
+    run.agent.learner.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
     assert np.unique(read(run, played[0], reference).raw) == [run.epoch]
     assert np.unique(read(replace(run, as_of_epoch=500), played[0], reference).raw) == [500]
 
 
 def test_a_method_that_gives_nan_is_named(runs, played, reference):
     (run,), _ = open_runs([runs["rnd"]])
-    run.agent.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), torch.nan)
+    run.agent.learner.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), torch.nan)
     with pytest.raises(ValueError, match=r"rnd: .*RND.*nan"):
         read(run, played[0], reference)
 
 
 def test_states_are_normalised_as_in_training(runs, played):
-    """The method sees what `SAC.update` shows it: caught there, and compared."""
+    """The method sees what `update` shows it: caught there, and compared."""
     (run,), _ = open_runs([runs["dac+hm"]])
     batch = Batch.from_numpy({n: a[:16] for n, a in transitions(played[0].episodes).items()})
-    probed = what_method_sees(run.agent, batch, epoch=1)
+    probed = run.agent.transitions(batch, epoch=1)
     caught = []
-    run.agent.curiosity.method.reward = lambda seen: caught.append(seen) or torch.zeros(16)
+    run.agent.learner.curiosity.method.reward = lambda seen: caught.append(seen) or torch.zeros(16)
     run.agent.update(batch, epoch=1)
     for name in ("state", "action", "next_state", "epoch"):
         assert torch.equal(torch.as_tensor(getattr(probed, name)), torch.as_tensor(getattr(caught[0], name))), name

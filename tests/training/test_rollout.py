@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tiny_runs import TINY
 
-from curiobench.methods.agents.sac import NonFiniteError
+from curiobench.methods.guard import NonFiniteError
 from curiobench.rollout import collect, successes
 from curiobench.state import TrainingState
 from curiobench.tasks import BatchedStacking

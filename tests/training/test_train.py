@@ -149,7 +149,7 @@ def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, monkeypatch):
 
     def poison(self):
         if self.counters.epoch == 1:
-            next(self.agent.critics.parameters()).data.fill_(float("nan"))
+            next(self.agent.learner.critics.parameters()).data.fill_(float("nan"))
         learn(self)
 
     monkeypatch.setattr(TrainingState, "learn", poison)

@@ -1,0 +1,195 @@
+"""What agents learn by, whatever their losses: normalised inputs, a curiosity method, one Adam and target networks."""
+
+import copy
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from curiobench.methods.agents.capture import CapturedStep, StaticBatch
+from curiobench.methods.agents.losses import Losses, Metrics, bootstrapped_target
+from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.agents.pairs import PairEncoder, PairInputs, PairLayout
+from curiobench.methods.agents.policy_view import view_policy
+from curiobench.methods.agents.q_int import IntrinsicValues
+from curiobench.methods.agents.settings import SACConfig
+from curiobench.methods.curiosity import Curiosity
+from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
+from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
+
+LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
+Pair = tuple[Tensor, Tensor]
+
+
+class Step(NamedTuple):
+    """What an update has found before it comes to its losses. B transitions, P policies, of which the last explores."""
+
+    batch: StaticBatch
+    inputs: PairInputs  # before the step
+    next_inputs: PairInputs  # after it
+    next_noise: Tensor  # (B, A) standard normal, for the next actions
+    sample: Pair | None  # actions (P, B, A) and log-densities (P, B), with gradients; None where only the critics learn
+    transitions: Transitions | None  # which the curiosity method sees; None without one, like the next
+    intrinsic: Pair | None  # r_int (B,), raw and z-scored
+
+    def actions(self, first: int = 0) -> Tensor:
+        """(K, B, A): the stored actions and, if there is a sample, those of the policies from the `first` on."""
+        stored = self.batch.action.unsqueeze(0)
+        return stored if self.sample is None else torch.cat([stored, self.sample[0][first:]])
+
+
+class Learner:
+    """Networks, curiosity method and optimiser of an agent, and its updates but for the losses."""
+
+    def __init__(
+        self,
+        layout: PairLayout,
+        config: SACConfig,
+        generator: torch.Generator,
+        method: IntrinsicReward | None,
+        n_policies: int = 1,
+    ) -> None:
+        """As in `SAC`; policies start alike. `prepare` is to be called next."""
+        self.layout, self.config, self.generator, self.device = layout, config, generator, generator.device
+        curious = layout, config.tau, config.reward_window, self.device
+        self.curiosity = None if method is None else Curiosity(method, *curious)
+        self.encoder = PairEncoder(layout, config, self.device)
+        self.actor = Actor(self.encoder, config, generator, n_policies)
+        self.critics = TwinCritics(self.encoder, config, generator)
+        self.target_critics = copy.deepcopy(self.critics).requires_grad_(False)
+        log_alpha = torch.tensor(config.temperature, device=self.device).log()
+        self.log_alpha = nn.Parameter(log_alpha if n_policies == 1 else log_alpha.repeat(n_policies))
+        self.target_entropy = -float(layout.action_size) if config.tune_temperature else None
+        self.updates = 0
+        self.batch: StaticBatch | None = None
+
+    def prepare(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
+        """Set up Adam for all weights, those of more values among them, and the temperature if it is tuned."""
+        values, targets = [self.critics], [self.target_critics]
+        values += [value.net for value in more.values()]
+        targets += [value.target_net for value in more.values()]
+        self.losses = losses
+        self.sources, self.targets = ([w for net in nets for w in net.parameters()] for nets in (values, targets))
+        self.trained = [*self.actor.parameters(), *self.sources]
+        self.trained += [self.log_alpha] if self.config.tune_temperature else []
+        on_cuda, rate = self.device.type == "cuda", self.config.learning_rate
+        rate = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
+        self.optimiser = torch.optim.Adam(self.trained, lr=rate, fused=True, capturable=on_cuda)
+        names = ("encoder", "actor", "critics", "target_critics", "optimiser")
+        self.parts = {name: getattr(self, name) for name in names} | more
+
+    def encode(self, *raw: np.ndarray) -> PairInputs:
+        """What the networks read of observations (N, D), achieved and desired goals (N, bits)."""
+        return self.encoder.encode(*map(self.tensor, raw))
+
+    def tensor(self, array: np.ndarray) -> Tensor:
+        """In float32, on the agent's device."""
+        return torch.as_tensor(array, dtype=torch.float32, device=self.device)
+
+    def noise(self, *shape: int) -> Tensor:
+        """Standard normal."""
+        return torch.randn(shape, generator=self.generator, device=self.device)
+
+    def buffers(self, batch: Batch) -> StaticBatch:
+        """Fixed buffers with a batch copied in."""
+        if self.batch is None or self.batch.size != len(batch.reward):
+            self.batch = StaticBatch(self.layout, len(batch.reward), self.device)
+            # whether the policies learn: an update less target networks and counter; on CUDA they never wait
+            self.steps = {acts: CapturedStep(partial(self._step, 0, acts), self.generator) for acts in (True, False)}
+        self.batch.load(batch)
+        return self.batch
+
+    def update(self, batch: Batch, epoch: int) -> Metrics:
+        """See `LearningAgent.update`."""
+        self.buffers(batch)
+        self._set_learning_rate()
+        acts = self.updates % self.config.actor_every == 0
+        metrics = self.steps[acts]() if self.curiosity is None else self._step(epoch, acts)
+        if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
+            self.check({name: value for name, value in metrics.items() if name.endswith("_loss")})
+        self.updates += 1
+        if self.updates % self.config.target_every == 0:
+            with torch.no_grad():  # or the targets' history would grow by a node each time
+                torch._foreach_lerp_(self.targets, self.sources, self.config.polyak)
+        return metrics
+
+    def _set_learning_rate(self) -> None:
+        """Let it fall, if it is to, from its full value to `LEAST_RATE` of that."""
+        if self.config.decay_updates is None:
+            return
+        passed = min(1.0, self.updates / self.config.decay_updates)
+        rate = self.config.learning_rate * (1.0 - passed * (1.0 - LEAST_RATE))
+        (group,) = self.optimiser.param_groups
+        if self.device.type == "cuda":
+            group["lr"].fill_(rate)
+        else:
+            group["lr"] = rate
+
+    def _step(self, epoch: int, acts: bool) -> Metrics:
+        """`acts` says whether the policies and temperatures learn, too."""
+        batch = self.batch
+        inputs, next_inputs = self.encoder.encode_rows(batch.rows)
+        metrics = {"reward": batch.reward.mean()}
+        next_noise, noise = self.noise(2, *batch.action.shape)
+        policies = sample = seen = intrinsic = None
+        if acts or self.shows_policy:
+            with torch.set_grad_enabled(acts):
+                policies = self.actor(inputs)
+                sample = squashed_gaussian(*policies, noise)
+        if self.curiosity is not None:
+            seen = self.transitions(batch.source, (inputs.state, next_inputs.state), epoch, policies, sample)
+            raw, normalised, learned = self.curiosity.learn(seen)
+            intrinsic, metrics = (raw, normalised), metrics | learned
+        step = Step(batch, inputs, next_inputs, next_noise, sample if acts else None, seen, intrinsic)
+        return metrics | self.descend(self.losses(step), acts)
+
+    @property
+    def shows_policy(self) -> bool:
+        """Whether the curiosity method asks for a view of the policy that explores."""
+        return self.curiosity is not None and self.curiosity.method.uses_policy
+
+    def transitions(
+        self, batch: Batch, states: Pair, epoch: int, policies: Pair | None, sample: Pair | None
+    ) -> Transitions:
+        """What the curiosity method sees, from states (B, D) before and after the step, and what the actor gives."""
+        view = None
+        if self.shows_policy:
+            explorer = ((first[-1], second[-1]) for first, second in (policies, sample))
+            given = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
+            view = view_policy(*explorer, *given)
+        return self.curiosity.transitions(states, batch, epoch, view, self.encoder.normalise)
+
+    def policy_term(self, step: Step) -> Tensor | None:
+        """What the curiosity method adds to log pi in the loss of the policy that explores, (B,)."""
+        if self.curiosity is None:
+            return None
+        return self.curiosity.policy_term(step.transitions, step.batch.desired_goal[0], step.sample[0][-1])
+
+    def bootstrapped(self, reward: Tensor, next_values: Tensor, next_log_prob: Tensor, log_alpha: Tensor) -> Tensor:
+        """Targets (B,) as `bootstrapped_target` has them, with or without entropy as the config says."""
+        alpha = log_alpha.exp() if self.config.entropy_in_targets else None
+        return bootstrapped_target(reward, next_values, self.config.gamma, next_log_prob, alpha)
+
+    def descend(self, found: Losses, acts: bool) -> Metrics:
+        """One step down the sum of losses, and their metrics; on a CPU, after a look whether losses are finite.
+
+        Unless the policy `acts`, its weights are in no loss, have no gradient, and Adam leaves them alone.
+        """
+        losses = {name: loss for name, (loss, _) in found.items()}
+        if self.device.type == "cpu":
+            self.check(losses)
+        gradients = torch.autograd.grad(sum(losses.values()), self.trained, allow_unused=not acts)
+        for parameter, gradient in zip(self.trained, gradients, strict=True):
+            parameter.grad = gradient
+        self.optimiser.step()
+        return {name: value for _, metrics in found.values() for name, value in metrics.items()}
+
+    def check(self, losses: dict[str, Tensor]) -> None:
+        """Raise NonFiniteError unless all losses are finite. Waits for the device."""
+        if not math.isfinite(sum(losses.values()).item()):
+            broken = ", ".join(f"{name} ({loss.item()})" for name, loss in losses.items() if not loss.isfinite())
+            raise NonFiniteError(f"update {self.updates}: loss not finite: {broken}")
