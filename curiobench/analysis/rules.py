@@ -29,7 +29,7 @@ from curiobench.analysis.submission import (
 from curiobench.check import Finding
 from curiobench.methods.specs import canonical, split
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
-from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION
+from curiobench.tasks.registration import TASK_VERSION, task_spec
 
 LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change the last bits of a run's numbers
 BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)  # without `+hm`
@@ -148,7 +148,7 @@ def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
         if not fault and run not in runs.progress:
             fault = "no rows of progress"
         if not fault:
-            steps = config["cycles"] * config["worlds"] * config["rollouts"] * EPISODE_STEPS
+            steps = config["cycles"] * config["worlds"] * config["rollouts"] * task_spec(config["task"]).horizon
             fault = _off(runs.evaluations[run], "steps", steps) or _off(runs.progress[run], "steps", steps)
             fault = fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"])
         if fault:
