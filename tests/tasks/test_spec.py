@@ -1,7 +1,9 @@
 """A registered task decides about its scene, starts, goals, horizon and robots, wherever it is used."""
 
 import pickle
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +12,12 @@ from tiny_runs import TINY
 from curiobench.analysis.frames import read_results
 from curiobench.tasks import TASKS, BatchedStacking, TaskSpec, load, registration, task_spec
 from curiobench.tasks.gym_vector import SemanticStackVectorEnv
+from curiobench.tasks.observation import observation_size
 from curiobench.tasks.scene import TableArena
 from curiobench.tasks.starts import sample_starts
 from curiobench.training import train
+
+PAGE = Path(__file__).parents[2] / "docs" / "tasks.md"
 
 
 def flat(goals, layers):
@@ -48,6 +53,14 @@ def _registered(monkeypatch):
 
 def test_names_and_ids_are_unique():
     assert len({task_spec(task).gym_id for task in TASKS}) == len(registration._SPECS) == len(TASKS)
+
+
+@pytest.mark.parametrize("task", [task for task in TASKS if not task_spec(task).is_slow_to_enumerate])
+def test_the_page_of_the_tasks_has_the_numbers_of_each(task):
+    spec = task_spec(task)
+    heights = ", ".join(str(count) for count in np.bincount(spec.goal_space.layers)[1:])
+    row = f"{len(spec.goal_space)} ({heights}) | {observation_size(spec.n_blocks)} | {spec.n_bits} |"
+    assert re.search(rf"^\| `{task}` \| [a-e ]+ \| {re.escape(row)}$", PAGE.read_text(), re.MULTILINE)
 
 
 def test_worlds_have_the_scene_starts_and_goals():
