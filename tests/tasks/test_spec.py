@@ -10,6 +10,7 @@ import pytest
 from tiny_runs import TINY
 
 from curiobench.analysis.frames import read_results
+from curiobench.analysis.report import pictures
 from curiobench.tasks import TASKS, BatchedStacking, TaskSpec, load, registration, task_spec
 from curiobench.tasks.gym_vector import SemanticStackVectorEnv
 from curiobench.tasks.observation import observation_size
@@ -35,7 +36,7 @@ def wide_starts(rng, biased, n_blocks, probabilities):
 
 
 ODD = TaskSpec(
-    name="odd",
+    name="odd-table",
     n_blocks=2,
     gym_id="curiobench/Odd-v0",
     robots=("gripper",),
@@ -64,7 +65,7 @@ def test_the_page_of_the_tasks_has_the_numbers_of_each(task):
 
 
 def test_worlds_have_the_scene_starts_and_goals():
-    worlds = pickle.loads(pickle.dumps(BatchedStacking("odd", 64, seed=0)))
+    worlds = pickle.loads(pickle.dumps(BatchedStacking("odd-table", 64, seed=0)))
     np.testing.assert_allclose(worlds.model.geom("table").size, (0.4, 0.6, 0.2))
     offset = worlds.block_positions[..., :2] - worlds.observe().observation[:, None, :2]
     assert 0.25 < np.abs(offset).max() <= 0.301
@@ -76,23 +77,24 @@ def test_worlds_have_the_scene_starts_and_goals():
 
 
 def test_episodes_end_at_the_horizon():
-    environment = load("odd", random_state=0)
+    environment = load("odd-table", random_state=0)
     environment.reset()
     assert [environment.step(np.zeros(4)).last() for _ in range(7)] == [False] * 6 + [True]
-    vector = SemanticStackVectorEnv(2, "odd")
+    vector = SemanticStackVectorEnv(2, "odd-table")
     vector.reset(seed=0)
     assert [vector.step(np.zeros((2, 4), np.float32))[3].all() for _ in range(7)] == [False] * 6 + [True]
 
 
 @pytest.mark.parametrize("make", [load, lambda task, robot: replace(TINY, task=task, robot=robot)])
 def test_other_robots_are_refused(make):
-    with pytest.raises(ValueError, match=r"odd does not take the robot 'fetch': its robots are gripper"):
-        make("odd", "fetch")
+    with pytest.raises(ValueError, match=r"odd-table does not take the robot 'fetch': its robots are gripper"):
+        make("odd-table", "fetch")
 
 
 def test_a_run_collects_and_evaluates_by_it(tmp_path):
-    train(replace(TINY, task="odd"), tmp_path / "run")
+    train(replace(TINY, task="odd-table"), tmp_path / "run")
     results = read_results([tmp_path / "run"])
     assert results.faults == ()
     assert results.runs.loc[0, "steps"] == TINY.epochs * TINY.cycles * TINY.worlds * 7
     assert set(results.evaluations["goal"]) == {"all apart", "all close"}
+    assert all(picture["caption"].startswith("odd-table: ") for picture in pictures(results))
