@@ -121,7 +121,7 @@ def train(
     """Train a run, as `curiobench train` does.
 
     Args:
-        task: "stack2" to "stack5".
+        task: a task's name; `curiobench list` shows them all.
         method: method spec.
         preset: gives the defaults of all options.
         seed: of all randomness in training.

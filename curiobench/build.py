@@ -17,7 +17,7 @@ from curiobench.replay import EpisodeReplay
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
-from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.registration import task_spec
 from curiobench.tasks.stacking import ACTION_SIZE
 
 Goal = TypeVar("Goal", bound=GoalMethod)
@@ -38,11 +38,11 @@ def check_device(device: str) -> None:
         )
 
 
-def build_agent(config: RunConfig, goal_space: GoalSpace, seed: np.random.SeedSequence) -> LearningAgent:
+def build_agent(config: RunConfig, seed: np.random.SeedSequence) -> LearningAgent:
     """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
     check_device(config.device)
     generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
-    layout = pair_layout(goal_space)
+    layout = pair_layout(task_spec(config.task).goal_space)
     return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
 
 
@@ -52,29 +52,29 @@ def goals_of(goal_space: GoalSpace) -> Goals:
     return Goals(goal_space.goals.astype(np.uint8), goal_space.layers, pairs)
 
 
-def build_curriculum(config: RunConfig, goal_space: GoalSpace) -> Curriculum:
+def build_curriculum(config: RunConfig) -> Curriculum:
     """The method's own curriculum, or that of the config."""
     own = parse_spec(config.method).curriculum
-    return _built(own, config, goal_space) if own else CURRICULA[config.curriculum](goals_of(goal_space))
+    return _built(own, config) if own else CURRICULA[config.curriculum](goals_of(task_spec(config.task).goal_space))
 
 
-def build_replay(config: RunConfig, goal_space: GoalSpace, folder: Path | None = None) -> EpisodeReplay:
+def build_replay(config: RunConfig, folder: Path | None = None) -> EpisodeReplay:
     """The empty replay of a config, memory-mapped in a folder if one is given."""
-    own = parse_spec(config.method).relabelling
+    own, spec = parse_spec(config.method).relabelling, task_spec(config.task)
     return EpisodeReplay(
         config.replay,
-        valid_goals=goal_space.goals,
+        valid_goals=spec.goal_space.goals,
         compute_reward=BatchedStacking.compute_reward,
-        steps=EPISODE_STEPS,
-        observation_size=pair_layout(goal_space).observation_size,
+        steps=spec.horizon,
+        observation_size=pair_layout(spec.goal_space).observation_size,
         action_size=ACTION_SIZE,
-        on_bits=goal_space.on_bits,
+        on_bits=spec.goal_space.on_bits,
         folder=folder,
-        relabelling=own and _built(own, config, goal_space),
+        relabelling=own and _built(own, config),
     )
 
 
-def _built(method: type[Goal], config: RunConfig, goal_space: GoalSpace) -> Goal:
+def _built(method: type[Goal], config: RunConfig) -> Goal:
     """A curriculum or a relabelling; raises ValueError, with its file, where building it raises."""
     with building(method, config.method):
-        return method(goals_of(goal_space), config.method_config)
+        return method(goals_of(task_spec(config.task).goal_space), config.method_config)

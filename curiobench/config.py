@@ -18,7 +18,7 @@ from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.checks import check_option
 from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings
 from curiobench.replay import ReplayConfig
-from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+from curiobench.tasks.registration import check_name, check_robot
 
 if TYPE_CHECKING:
     from curiobench.methods.registry import MethodSpec
@@ -70,7 +70,7 @@ class RunConfig:
     """Everything that decides the numbers of a run."""
 
     task: str = "stack3"
-    """Task: stack2 to stack5, the number of blocks."""
+    """Task; `curiobench list` shows them all."""
     method: str = "sac"
     """Method spec; `curiobench list` shows them all."""
     seed: int = 0
@@ -127,8 +127,7 @@ class RunConfig:
     """How this machine does the work; changes no number."""
 
     def __post_init__(self) -> None:
-        check_name("task", self.task, TASKS)
-        check_name("robot", self.robot, ROBOTS)
+        check_robot(self.task, self.robot)
         check_name("preset", self.preset, PRESET_NAMES)
         check_option(self, "starts", Starts)
         check_option(self, "curriculum", CurriculumName)

@@ -15,8 +15,8 @@ from curiobench.methods.agents.agent import LearningAgent
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import play, policy, successes
 from curiobench.tasks import BatchedStacking
-from curiobench.tasks.goals import GoalSpace, goal_space
-from curiobench.tasks.registration import n_blocks_of
+from curiobench.tasks.goals import GoalSpace
+from curiobench.tasks.registration import task_spec
 
 MAX_WORLDS = 256
 """Test episodes stepped together; part of the protocol, as it decides which start each of them gets."""
@@ -74,7 +74,7 @@ class Evaluator:
     def __init__(self, task: str, robot: str, episodes_per_goal: int, threads: int = 1) -> None:
         """
         Args:
-            task: "stack2" to "stack5".
+            task: a task's name.
             robot: "gripper" or "fetch".
             episodes_per_goal: test episodes of every valid goal.
             threads: that step the worlds; results do not depend on it.
@@ -84,7 +84,7 @@ class Evaluator:
         if episodes_per_goal < 1:
             raise ValueError(f"episodes per goal is {episodes_per_goal}; it must be at least 1")
         self.episodes_per_goal = episodes_per_goal
-        self.goal_space = goal_space(n_blocks_of(task))
+        self.goal_space = task_spec(task).goal_space
         n_episodes = len(self.goal_space) * episodes_per_goal
         self._worlds = BatchedStacking(task, min(n_episodes, MAX_WORLDS), robot, threads, seed=EVALUATION_SEED)
 

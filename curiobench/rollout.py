@@ -8,7 +8,6 @@ import numpy as np
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.guard import NonFiniteError
 from curiobench.replay import Episodes
-from curiobench.tasks.registration import EPISODE_STEPS
 
 if TYPE_CHECKING:
     from curiobench.tasks import BatchedStacking
@@ -38,12 +37,12 @@ def play(
         worlds: N worlds, just reset; left at the end of their episodes.
         seen: their first observation.
         act: called once a step, for all worlds together.
-        watch: called in each of the `EPISODE_STEPS` + 1 states, for pictures and positions.
+        watch: called in each of the `worlds.horizon` + 1 states, for pictures and positions.
 
     Raises NonFiniteError where an observation is NaN or infinite; names the step, the world and the entry.
     """
     states, actions, intact, reward = [], [], np.ones(worlds.n_worlds, bool), None
-    for step in range(EPISODE_STEPS + 1):
+    for step in range(worlds.horizon + 1):
         if step > 0:
             actions.append(act(seen))
             seen, reward = worlds.step(actions[-1])

@@ -13,8 +13,6 @@ from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.process import tune_process
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import n_blocks_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class SavedRun:
             raise ValueError(
                 f"{self.path} has no replay any more; runs trained with --machine.keep-replay keep theirs when finished"
             )
-        replay = build_replay(self.config, goal_space(n_blocks_of(self.config.task)))
+        replay = build_replay(self.config)
         with checkpoint.errors_named(folder.parent):
             replay.load(folder, self.replay_name)
         return replay
@@ -67,7 +65,7 @@ def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     if saved is None:
         raise ValueError(f"{path} has no checkpoint yet")
     on_cpu = replace(config, device="cpu")
-    agent = build_agent(on_cpu, goal_space(n_blocks_of(config.task)), np.random.SeedSequence(config.seed))
+    agent = build_agent(on_cpu, np.random.SeedSequence(config.seed))
     state, values = saved
     with checkpoint.errors_named(folder):
         # a GPU's generator has another state than a CPU's; it is not used here

@@ -26,7 +26,6 @@ from curiobench.methods.reward import Batch
 from curiobench.replay import Episodes
 from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking
-from curiobench.tasks.registration import EPISODE_STEPS
 
 STREAMS = ("worlds", "goals", "replay", "agent")
 """Random streams of a run, spawned from its seed by position: append only, or every run changes."""
@@ -107,9 +106,9 @@ class TrainingState:
         )
         self._goal_space = self._worlds.goal_space
         self.reached = np.zeros(len(self._goal_space), bool)
-        self.agent = build_agent(config, self._goal_space, streams["agent"])
-        self.replay = build_replay(config, self._goal_space, mapped_replay if config.machine.replay_on_disk else None)
-        self.curriculum = build_curriculum(config, self._goal_space)
+        self.agent = build_agent(config, streams["agent"])
+        self.replay = build_replay(config, mapped_replay if config.machine.replay_on_disk else None)
+        self.curriculum = build_curriculum(config)
         self.replay.goal_weights = goal_weights(self.curriculum)
 
     def collect(self) -> None:
@@ -129,7 +128,7 @@ class TrainingState:
             self.curriculum.observe(goals[whole], ends, tested[whole])
         self.replay.goal_weights = goal_weights(self.curriculum)
         self.reached[ends[ends >= 0]] = True
-        self.counters.steps += size * EPISODE_STEPS
+        self.counters.steps += size * self._worlds.horizon
         self._count(episodes)
 
     def _count(self, episodes: Episodes) -> None:

@@ -14,8 +14,8 @@ import gymnasium
 import stable_baselines3
 import torch
 
-import curiobench  # noqa: F401  (registers the environments)
 from curiobench.evaluation import Evaluator
+from curiobench.tasks import TASKS, task_spec
 
 
 class BiasedStarts(gymnasium.Wrapper):
@@ -38,7 +38,7 @@ class Policy:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("task", choices=["stack2", "stack3", "stack4", "stack5"])
+    parser.add_argument("task", choices=TASKS)
     parser.add_argument("--minutes", type=float, default=6.0, help="of training; tests are not counted")
     parser.add_argument("--tests", type=int, default=6, help="tests, evenly over that time")
     parser.add_argument("--seed", type=int, default=0)
@@ -47,7 +47,7 @@ def main() -> None:
     torch.set_num_threads(1)
     model = stable_baselines3.SAC(
         "MultiInputPolicy",
-        BiasedStarts(gymnasium.make(f"curiobench/SemanticStack{options.task[-1]}-v0")),
+        BiasedStarts(gymnasium.make(task_spec(options.task).gym_id)),
         replay_buffer_class=stable_baselines3.HerReplayBuffer,
         replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
         learning_starts=1000,

@@ -1,4 +1,4 @@
-"""Which methods exist, and how a method spec such as `sac` becomes an agent. The one place to register a method.
+"""The methods that `specs.BUILT_IN` names, and how a method spec such as `sac` becomes an agent.
 
 A method is a class of one of three kinds: an intrinsic reward, a curriculum or a relabelling.
 
@@ -6,6 +6,7 @@ Methods from outside need no registration here; see plugins.py.
 """
 
 import difflib
+import importlib
 from dataclasses import dataclass
 
 import torch
@@ -15,40 +16,28 @@ from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.counts import Counts
 from curiobench.methods.curriculum import Curriculum, GoalMethod
-from curiobench.methods.dac import DAC
-from curiobench.methods.decstr import DECSTR
-from curiobench.methods.disagreement import Disagreement
-from curiobench.methods.e3b import E3B
-from curiobench.methods.icm import ICM
-from curiobench.methods.mcher import MultiCriteriaHER
-from curiobench.methods.mi import MI
-from curiobench.methods.ngu import NGU
 from curiobench.methods.plugins import Method, building, installed_methods, load_class, load_installed, trace
-from curiobench.methods.re3 import RE3
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
-from curiobench.methods.ride import RIDE
-from curiobench.methods.rnd import RND
-from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
+from curiobench.methods.specs import ALIASES, BUILT_IN, HYBRID, canonical, split
 
+
+def _built_in(place: str) -> type[Method]:
+    """The class at a `module:Class` of this package."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(f"curiobench.methods.{module}"), name)
+
+
+_BUILT_IN: dict[str, type[Method]] = {spec: _built_in(place) for spec, place in BUILT_IN.items()}
 REWARDS: dict[str, type[IntrinsicReward]] = {
-    "icm": ICM,
-    "rnd": RND,
-    "dac": DAC,
-    "re3": RE3,
-    "mi": MI,
-    "disagreement": Disagreement,
-    "e3b": E3B,
-    "ride": RIDE,
-    "ngu": NGU,
-    "counts": Counts,
+    spec: method for spec, method in _BUILT_IN.items() if issubclass(method, IntrinsicReward)
 }
-"""Curiosity methods by spec."""
-GOAL_METHODS: dict[str, type[GoalMethod]] = {"decstr": DECSTR, "mcher": MultiCriteriaHER}
-"""Methods without an intrinsic reward, which decide about goals, by spec."""
-_BUILT_IN = REWARDS | GOAL_METHODS
+"""Built-in curiosity methods by spec."""
+GOAL_METHODS: dict[str, type[GoalMethod]] = {
+    spec: method for spec, method in _BUILT_IN.items() if issubclass(method, GoalMethod)
+}
+"""Built-in methods without an intrinsic reward, which decide about goals, by spec."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,22 @@
-"""The text of method specs: their one form, and the one that people are shown. Needs no torch and imports no method."""
+"""Names of the built-in methods, and the text of method specs. Needs no torch and imports no method."""
+
+BUILT_IN = {
+    "icm": "icm:ICM",
+    "rnd": "rnd:RND",
+    "dac": "dac:DAC",
+    "re3": "re3:RE3",
+    "mi": "mi:MI",
+    "decstr": "decstr:DECSTR",
+    "mcher": "mcher:MultiCriteriaHER",
+    "disagreement": "disagreement:Disagreement",
+    "e3b": "e3b:E3B",
+    "ride": "ride:RIDE",
+    "ngu": "ngu:NGU",
+    "counts": "counts:Counts",
+}
+"""Module and class in `curiobench.methods` of each built-in method, by spec. The one place to register a method.
+
+Lists, tables and colours follow this order: append a new one."""
 
 HYBRID = "+hm"
 """Behind a curiosity method's spec: that method under the hybrid policy mechanism."""

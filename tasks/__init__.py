@@ -1,15 +1,17 @@
 """Semantic-stacking tasks: blocks on a table, a hand, and goals such as "a on b".
 
 `load` gives a dm_control environment, `BatchedStacking` steps many worlds at once, and `gymnasium.make` and
-`gymnasium.make_vec` know both as "curiobench/SemanticStack3-v0" (2 to 5 blocks) once `curiobench` is imported.
+`gymnasium.make_vec` know both, such as "curiobench/SemanticStack3-v0", once `curiobench` is imported. `task_spec` tells
+all about a task.
 """
 
 from curiobench.tasks import opengl
-from curiobench.tasks.registration import ROBOTS, TASK_VERSION, TASKS, n_blocks_of
+from curiobench.tasks.registration import TASK_VERSION, TASKS, task_spec
+from curiobench.tasks.spec import ROBOTS, TaskSpec
 
 opengl.choose()  # here, because MuJoCo and dm_control choose their renderer when they are imported
 
-__all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "load", "n_blocks_of"]
+__all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "TaskSpec", "load", "task_spec"]
 
 
 def __getattr__(name: str):

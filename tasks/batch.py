@@ -13,8 +13,8 @@ from mujoco import rollout
 
 from curiobench.tasks.goals import GoalSpace, predicates
 from curiobench.tasks.observation import observation_size
-from curiobench.tasks.registration import EPISODE_STEPS, n_blocks_of
-from curiobench.tasks.stacking import SemanticStacking, check_actions, make_robot
+from curiobench.tasks.spec import TaskSpec
+from curiobench.tasks.stacking import check_actions, make_stacking
 from curiobench.tasks.starts import BiasedStarts
 
 logger = logging.getLogger(__name__)
@@ -41,6 +41,7 @@ class BatchedStacking:
 
     Attributes:
       n_worlds: number of worlds N.
+      spec: of the task.
       goal_space: the task's predicates and valid goals.
       step_counts: `(N,)` actions since each world's last reset.
       diverged: `(N,)` bool, worlds whose physics diverged in the last step and that were reset in it.
@@ -59,7 +60,7 @@ class BatchedStacking:
         """Compiles the task and resets every world to a plain start.
 
         Args:
-          task: "stack2" to "stack5".
+          task: a task's name, one of `TASKS`.
           n_worlds: at least 1.
           robot: "gripper" or "fetch".
           n_threads: threads that step the worlds; the numbers do not depend on it.
@@ -67,12 +68,14 @@ class BatchedStacking:
           probabilities: of biased starts; the paper's unless given.
 
         Raises:
-          ValueError: an unknown task or robot, or fewer than one world or thread.
+          ValueError: an unknown task or robot, a robot that the task may not be run with, or fewer than one world or
+            thread.
         """
         if n_worlds < 1 or n_threads < 1:
             raise ValueError(f"at least one world and one thread are needed, got {n_worlds} and {n_threads}")
-        stacking = SemanticStacking(make_robot(robot), n_blocks_of(task))
+        stacking = make_stacking(task, robot)
         self.n_worlds = n_worlds
+        self.spec: TaskSpec = stacking.spec
         self.goal_space: GoalSpace = stacking.goal_space
         self._probabilities = probabilities or BiasedStarts()
         self._bound = stacking.compile()
@@ -105,7 +108,12 @@ class BatchedStacking:
 
     @property
     def observation_size(self) -> int:
-        return observation_size(self.goal_space.n_blocks)
+        return observation_size(self.spec.n_blocks)
+
+    @property
+    def horizon(self) -> int:
+        """Actions per episode."""
+        return self.spec.horizon
 
     def reset(
         self,
@@ -240,8 +248,8 @@ class BatchedStacking:
 
     @property
     def truncated(self) -> np.ndarray:
-        """`(N,)` bool, worlds whose episode has reached its 50 steps."""
-        return self.step_counts >= EPISODE_STEPS
+        """`(N,)` bool, worlds whose episode has reached the task's horizon."""
+        return self.step_counts >= self.horizon
 
     @staticmethod
     def compute_reward(achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object = None) -> np.ndarray:
@@ -268,7 +276,7 @@ class BatchedStacking:
 
     def __getstate__(self) -> dict[str, object]:
         """For pickle and deepcopy: all but the buffers, whose views of each other a copy would cut."""
-        names = ("n_worlds", "goal_space", "_probabilities", "_bound", "model", "rng", "diverged")
+        names = ("n_worlds", "spec", "goal_space", "_probabilities", "_bound", "model", "rng", "diverged")
         return {name: vars(self)[name] for name in names} | {"n_threads": len(self._data), "kept": self.state_dict()}
 
     def __setstate__(self, state: dict[str, object]) -> None:

@@ -11,7 +11,7 @@ reads its on-bits in another order than its environment writes them, which turns
 
 import difflib
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -29,6 +29,9 @@ ON_VERTICAL = (0.03, 0.06)
 """A block on another is higher by more than the first and less than the second (metres)."""
 
 MIN_BLOCKS, MAX_BLOCKS = 2, 5
+
+Keeps = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Which goals are a task's, `(G,)` bool, of those with bits `(G, n_bits)` and layers `(G,)`."""
 
 
 def predicates(positions: np.ndarray) -> np.ndarray:
@@ -73,7 +76,7 @@ class Pair:
 
 
 class GoalSpace:
-    """All predicates and valid goals over `n_blocks` blocks; get one with `goal_space(n_blocks)`.
+    """The predicates and valid goals over `n_blocks` blocks; get one with `goal_space(n_blocks)`.
 
     Attributes:
       n_blocks: number of blocks.
@@ -83,8 +86,9 @@ class GoalSpace:
       layers: `(n_goals,)` int, height of the goal's tallest stack, in blocks.
     """
 
-    def __init__(self, n_blocks: int):
+    def __init__(self, n_blocks: int, keeps: Keeps | None = None):
         self.n_blocks = n_blocks
+        self._keeps = keeps
         self.pairs = tuple(
             Pair(i, j, close=k, on_ij=self._n_pairs + 2 * k, on_ji=self._n_pairs + 2 * k + 1)
             for k, (i, j) in enumerate(itertools.combinations(range(n_blocks), 2))
@@ -95,8 +99,10 @@ class GoalSpace:
         )
         goals, layers = enumerate_configurations(n_blocks, predicates)
         order = np.lexsort((*-goals.T[::-1], goals.sum(axis=1), layers))
-        self.goals = goals[order]
-        self.layers = layers[order]
+        self.goals, self.layers = goals[order], layers[order]
+        if keeps:
+            kept = keeps(self.goals, self.layers)
+            self.goals, self.layers = self.goals[kept], self.layers[kept]
         self.goals.flags.writeable = self.layers.flags.writeable = False
 
     @cached_property
@@ -116,7 +122,7 @@ class GoalSpace:
         return len(self.goals)
 
     def __reduce__(self):
-        return goal_space, (self.n_blocks,)  # copies and pickles are the one goal space of their process
+        return goal_space, (self.n_blocks, self._keeps)  # copies and pickles are the one goal space of their process
 
     @cached_property
     def _index(self) -> dict[bytes, int]:
@@ -172,7 +178,10 @@ class GoalSpace:
         if not np.isin(bits, (0, 1)).all():
             raise ValueError(f"goal bits are 0 or 1, got {bits.tolist()}")
         if self.index(bits) < 0:
-            raise ValueError(f"no placement of {self.n_blocks} blocks produces the goal {self.bit_string(bits)}")
+            text = self.bit_string(bits)
+            if self._keeps and goal_space(self.n_blocks).index(bits) >= 0:
+                raise ValueError(f"{text} is not one of the task's {len(self)} goals")
+            raise ValueError(f"no placement of {self.n_blocks} blocks produces the goal {text}")
         return bits.astype(np.float32)
 
     def _parse_name(self, name: str) -> np.ndarray:
@@ -204,13 +213,17 @@ class GoalTable:
         return np.where(self._sorted[found] == codes, self._order[found], -1)
 
 
-@cache
-def goal_space(n_blocks: int) -> GoalSpace:
-    """The `GoalSpace` over `n_blocks` blocks (2 to 5), computed once.
+def goal_space(n_blocks: int, keeps: Keeps | None = None) -> GoalSpace:
+    """The `GoalSpace` over `n_blocks` blocks (2 to 5), of all goals or of those that `keeps` chooses, computed once.
 
     Raises:
       ValueError: any other number of blocks.
     """
     if not MIN_BLOCKS <= n_blocks <= MAX_BLOCKS:
         raise ValueError(f"the number of blocks is {MIN_BLOCKS} to {MAX_BLOCKS}, got {n_blocks}")
-    return GoalSpace(n_blocks)
+    return _cached_goal_space(n_blocks, keeps)
+
+
+@cache
+def _cached_goal_space(n_blocks: int, keeps: Keeps | None) -> GoalSpace:
+    return GoalSpace(n_blocks, keeps)

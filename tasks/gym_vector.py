@@ -17,7 +17,7 @@ from curiobench.tasks.gym_common import (
     read_options,
     start,
 )
-from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.registration import task_spec
 from curiobench.tasks.rendering import HEIGHT, WIDTH
 from curiobench.tasks.scene import CAMERA
 
@@ -25,7 +25,7 @@ from curiobench.tasks.scene import CAMERA
 class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
     """N worlds stepped together; `gymnasium.make_vec("curiobench/SemanticStack3-v0", num_envs=64)`.
 
-    Episodes are truncated after 50 steps. Then, in the autoreset mode
+    Episodes are truncated after the task's horizon, 50 steps. Then, in the autoreset mode
 
     - NEXT_STEP, the next step starts new ones instead of carrying out the action;
     - SAME_STEP, the same step does, and `info["final_obs"]` `(N,)` and `info["final_info"]` tell of the old end;
@@ -55,12 +55,12 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
 
         Args:
           num_envs: number of worlds.
-          task: "stack2" to "stack5".
+          task: a task's name, one of `TASKS`.
           robot: "gripper" or "fetch".
           n_threads: threads that step the worlds.
           render_mode: None or "rgb_array".
           autoreset_mode: when a world that has ended starts anew; an `AutoresetMode` or its value.
-          max_episode_steps: actions per episode; 50 if None, no end if -1.
+          max_episode_steps: actions per episode; the task's horizon if None, no end if -1.
           width, height: of a picture, in pixels.
           camera_name: the camera of the pictures, one of the model's.
 
@@ -68,7 +68,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
           ValueError: an unknown task, robot, render mode, autoreset mode or camera, or a number out of range.
         """
         self.metadata = METADATA | {"autoreset_mode": _autoreset_mode(autoreset_mode)}
-        self._limit = _limit(max_episode_steps)
+        self._limit = _limit(max_episode_steps, task_spec(task).horizon)
         self.num_envs = num_envs
         self._open(BatchedStacking(task, num_envs, robot, n_threads), render_mode, height, width, camera_name)
         self.single_observation_space = observation_space(self._worlds)
@@ -160,10 +160,10 @@ def _autoreset_mode(mode: "str | AutoresetMode") -> AutoresetMode:
         raise ValueError(f"unknown autoreset mode {mode!r}: the modes are {legal}") from None
 
 
-def _limit(max_episode_steps: int | None) -> float:
+def _limit(max_episode_steps: int | None, horizon: int) -> float:
     """Actions per episode; infinite for -1."""
     if max_episode_steps is None:
-        return EPISODE_STEPS
+        return horizon
     if not isinstance(max_episode_steps, int | np.integer) or (max_episode_steps < 1 and max_episode_steps != -1):
         raise ValueError(f"max_episode_steps is at least 1, or -1 for no end, got {max_episode_steps!r}")
     return np.inf if max_episode_steps == -1 else max_episode_steps

@@ -1,20 +1,34 @@
-"""Names of the tasks and robots, and their registration with Gymnasium. Imports no MuJoCo."""
+"""Which tasks exist, and their registration with Gymnasium. The one place to register a task. Imports no MuJoCo."""
 
 import difflib
 
 import gymnasium
 
-TASKS = ("stack2", "stack3", "stack4", "stack5")
-ROBOTS = ("gripper", "fetch")
+from curiobench.tasks.spec import ROBOTS, TaskSpec
+
+_SPECS = (
+    TaskSpec("stack2", n_blocks=2, gym_id="curiobench/SemanticStack2-v0"),
+    TaskSpec("stack3", n_blocks=3, gym_id="curiobench/SemanticStack3-v0"),
+    TaskSpec("stack4", n_blocks=4, gym_id="curiobench/SemanticStack4-v0"),
+    TaskSpec("stack5", n_blocks=5, gym_id="curiobench/SemanticStack5-v0", about="5 blocks, some 14,000 goals"),
+)
+_BY_NAME = {spec.name: spec for spec in _SPECS}
+TASKS = tuple(_BY_NAME)
+"""Names of the tasks."""
 TASK_VERSION = 1
 """Raised whenever worlds, goals, rewards or starts change such that results do; config.json of every run names it."""
-EPISODE_STEPS = 50
-"""Actions per episode, unless Gymnasium is told another number; an episode never ends earlier."""
 
 
-def n_blocks_of(task: str) -> int:
-    """Number of blocks of a task; raises ValueError for an unknown one."""
-    return int(check_name("task", task, TASKS).removeprefix("stack"))
+def task_spec(task: str) -> TaskSpec:
+    """The spec of a task; raises ValueError for an unknown one."""
+    return _BY_NAME[check_name("task", task, tuple(_BY_NAME))]
+
+
+def check_robot(task: str, robot: str) -> None:
+    """Raises ValueError for an unknown task or robot, or a robot that the task may not be run with."""
+    spec = task_spec(task)
+    check_name("robot", robot, ROBOTS)
+    spec.check_robot(robot)
 
 
 def check_name(kind: str, name: str, legal: tuple[str, ...]) -> str:
@@ -27,12 +41,12 @@ def check_name(kind: str, name: str, legal: tuple[str, ...]) -> str:
 
 
 def register() -> None:
-    """Registers "curiobench/SemanticStackN-v0" with Gymnasium; importing `curiobench` does it."""
-    for task in TASKS:
+    """Registers every task with Gymnasium; importing `curiobench` does it."""
+    for spec in _SPECS:
         gymnasium.register(
-            id=f"curiobench/SemanticStack{n_blocks_of(task)}-v0",
+            id=spec.gym_id,
             entry_point="curiobench.tasks.gym_env:SemanticStackEnv",
             vector_entry_point="curiobench.tasks.gym_vector:SemanticStackVectorEnv",
-            kwargs={"task": task},
-            max_episode_steps=EPISODE_STEPS,
+            kwargs={"task": spec.name},
+            max_episode_steps=spec.horizon,
         )

@@ -10,11 +10,12 @@ from dm_env import specs
 
 from curiobench.tasks import observation as obs
 from curiobench.tasks.goal_names import BLOCK_NAMES
-from curiobench.tasks.goals import GoalSpace, goal_space, predicates
-from curiobench.tasks.registration import EPISODE_STEPS, ROBOTS, check_name, n_blocks_of
+from curiobench.tasks.goals import GoalSpace, predicates
+from curiobench.tasks.registration import check_robot, task_spec
 from curiobench.tasks.robots import CONTROL_TIMESTEP, FreeGripper, Robot
-from curiobench.tasks.scene import Block, TableArena
-from curiobench.tasks.starts import HELD_FINGER_POSITION, NONE_HELD, BiasedStarts, sample_starts
+from curiobench.tasks.scene import Block
+from curiobench.tasks.spec import TaskSpec
+from curiobench.tasks.starts import HELD_FINGER_POSITION, NONE_HELD, BiasedStarts
 
 ACTION_SIZE = 4
 _ACTION_TOLERANCE = 1e-5
@@ -26,22 +27,20 @@ class StackingModel:
 
     Args:
       model: compiled from a `SemanticStacking` task's MJCF.
+      spec: of the task.
       robot: the task's robot.
       block_joints: names of the blocks' free joints.
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: Robot, block_joints: list[str]):
+    def __init__(self, model: mujoco.MjModel, spec: TaskSpec, robot: Robot, block_joints: list[str]):
         self.model = model
+        self._spec = spec
         self.hand = robot.bind(model)
         self.n_substeps = robot.n_substeps
         joints = [model.joint(name) for name in block_joints]
         self._qpos = np.array([joint.qposadr[0] + np.arange(7) for joint in joints])
         self._qvel = np.array([joint.dofadr[0] + np.arange(6) for joint in joints])
         self._start = robot.start_configuration(model)
-
-    @property
-    def n_blocks(self) -> int:
-        return len(self._qpos)
 
     def block_positions(self, qpos: np.ndarray) -> np.ndarray:
         """Centres `(N, n, 3)` in metres, from positions `(N, nq)`."""
@@ -61,7 +60,7 @@ class StackingModel:
 
     def sample_starts(self, rng: np.random.Generator, biased: np.ndarray, probabilities: BiasedStarts) -> np.ndarray:
         """Positions `(N, nq)` in which episodes start, at rest; `biased` `(N,)` says which are biased."""
-        positions, held = sample_starts(rng, biased, self.n_blocks, probabilities)
+        positions, held = self._spec.starts(rng, biased, self._spec.n_blocks, probabilities)
         qpos = self.place_blocks(positions)
         holding = held != NONE_HELD
         qpos[np.ix_(holding, self.hand.finger_qpos)] = HELD_FINGER_POSITION
@@ -80,8 +79,8 @@ class SemanticStacking(composer.Task):
 
     def __init__(
         self,
+        spec: TaskSpec,
         robot: Robot,
-        n_blocks: int,
         goal: "str | int | np.ndarray | None" = None,
         biased: bool = False,
         probabilities: BiasedStarts | None = None,
@@ -89,27 +88,28 @@ class SemanticStacking(composer.Task):
         """Builds the scene.
 
         Args:
+          spec: of the task.
           robot: a robot that no other task uses.
-          n_blocks: 2 to 5.
           goal: what `GoalSpace.parse` understands; None draws one of the valid goals for every episode.
           biased: whether episodes start biased towards stacks and a held block.
           probabilities: of biased starts; the paper's unless given.
 
         Raises:
-          ValueError: an unknown goal or a number of blocks out of range.
+          ValueError: an unknown goal.
         """
-        self.goal_space: GoalSpace = goal_space(n_blocks)
+        self.spec = spec
+        self.goal_space: GoalSpace = spec.goal_space
         self.biased = biased
         self._probabilities = probabilities or BiasedStarts()
         self._fixed_goal = None if goal is None else self.goal_space.parse(goal)
         self._goal = self.goal_space.goals[0] if goal is None else self._fixed_goal
         self._step_count = 0
         self._robot = robot
-        self._arena = TableArena()
+        self._arena = spec.arena()
         # the composer's own arena switches to elliptic cones and noslip iterations, which the paper's world lacks
         self._arena.mjcf_model.option.set_attributes(cone="pyramidal", noslip_iterations=0)
         robot.install(self._arena)
-        self._block_joints = [Block(index).add_to(self._arena) for index in range(n_blocks)]
+        self._block_joints = [Block(index).add_to(self._arena) for index in range(spec.n_blocks)]
         self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=robot.timestep)
         self._bound: StackingModel | None = None
         self._observed: tuple[bytes, np.ndarray] = (b"", np.empty(0))
@@ -147,7 +147,7 @@ class SemanticStacking(composer.Task):
         return self._bound
 
     def _bind(self, model: mujoco.MjModel) -> StackingModel:
-        return StackingModel(model, self._robot, [joint.full_identifier for joint in self._block_joints])
+        return StackingModel(model, self.spec, self._robot, [joint.full_identifier for joint in self._block_joints])
 
     def initialize_episode(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
         rng = np.random.default_rng(random_state.randint(1 << 32, size=4, dtype=np.uint64))
@@ -180,7 +180,7 @@ class SemanticStacking(composer.Task):
 
     def should_terminate_episode(self, physics: mjcf.Physics) -> bool:
         # a time limit, not a failure: the discount stays 1
-        return self._step_count >= EPISODE_STEPS
+        return self._step_count >= self.spec.horizon
 
     def _named_observables(self) -> dict[str, observable.Observable]:
         """The flat vectors that agents learn from, and every part of them by name."""
@@ -191,7 +191,7 @@ class SemanticStacking(composer.Task):
         )
         for name, part in obs.BODY_PARTS.items():
             named[f"hand/{name}"] = self._part(part)
-        for index in range(self.goal_space.n_blocks):
+        for index in range(self.spec.n_blocks):
             start = obs.BODY_SIZE + obs.BLOCK_SIZE * index
             for name, part in obs.BLOCK_PARTS.items():
                 named[f"block_{BLOCK_NAMES[index]}/{name}"] = self._part(slice(start + part.start, start + part.stop))
@@ -228,9 +228,17 @@ def check_actions(actions: np.ndarray, n_worlds: int) -> np.ndarray:
     return actions.clip(-1, 1)
 
 
-def make_robot(name: str) -> Robot:
-    """A fresh robot by name; raises ValueError for an unknown one, or where its meshes are not installed."""
-    if check_name("robot", name, ROBOTS) == "fetch":
+def make_stacking(
+    task: str, robot: str, goal: "str | int | np.ndarray | None" = None, biased: bool = False
+) -> SemanticStacking:
+    """A task by name with a fresh robot; arguments and errors are those of `load`."""
+    check_robot(task, robot)
+    return SemanticStacking(task_spec(task), _make_robot(robot), goal, biased)
+
+
+def _make_robot(name: str) -> Robot:
+    """A fresh robot by name; raises ValueError where its meshes are not installed."""
+    if name == "fetch":
         from curiobench.tasks.fetch import FetchArm  # needs the extra `fetch`
 
         return FetchArm()
@@ -247,16 +255,18 @@ def load(
     """Builds a dm_control environment.
 
     Args:
-      task: "stack2" to "stack5".
+      task: a task's name, one of `TASKS`.
       robot: "gripper" (a free-floating hand, fast) or "fetch" (the paper's arm).
       goal: name, bit string, number or bits of a goal; None draws one of the valid goals for every episode.
       biased: whether episodes start biased towards stacks and a held block.
       random_state: seed of the starts and goals.
 
     Raises:
-      ValueError: an unknown task, robot or goal.
+      ValueError: an unknown task, robot or goal, or a robot that the task may not be run with.
     """
-    stacking = SemanticStacking(make_robot(robot), n_blocks_of(task), goal=goal, biased=biased)
     return composer.Environment(
-        stacking, random_state=random_state, strip_singleton_obs_buffer_dim=True, recompile_mjcf_every_episode=False
+        make_stacking(task, robot, goal, biased),
+        random_state=random_state,
+        strip_singleton_obs_buffer_dim=True,
+        recompile_mjcf_every_episode=False,
     )

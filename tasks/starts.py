@@ -9,7 +9,7 @@ from curiobench.tasks.robots import GRIP_START
 from curiobench.tasks.scene import BLOCK_REST_HEIGHT
 
 SPREAD = 0.15
-"""Blocks lie within this distance, in x and in y, of the point below the grip's start (metres)."""
+"""Blocks lie within this distance, in x and in y, of the point below the grip's start (metres), in the paper."""
 MIN_DISTANCE = 0.0707
 """Columns of blocks stand at least this far apart (metres): two cubes cannot overlap however they are turned."""
 HAND_CLEARANCE = 0.12
@@ -39,7 +39,7 @@ class BiasedStarts:
 
 
 def sample_starts(
-    rng: np.random.Generator, biased: np.ndarray, n_blocks: int, probabilities: BiasedStarts
+    rng: np.random.Generator, biased: np.ndarray, n_blocks: int, probabilities: BiasedStarts, spread: float = SPREAD
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draws block positions for N worlds.
 
@@ -48,6 +48,7 @@ def sample_starts(
       biased: `(N,)` bool, which worlds start biased.
       n_blocks: blocks a world.
       probabilities: of the biased worlds.
+      spread: largest distance of blocks on the table, in x and in y, from the point below the grip's start (metres).
 
     Returns:
       `(N, n_blocks, 3)` centres in metres, and `(N,)` the number of the held block or `NONE_HELD`.
@@ -55,7 +56,7 @@ def sample_starts(
     n_worlds = len(biased)
     heights = _stack_heights(rng, biased, n_blocks, probabilities)
     named = rng.permuted(np.tile(np.arange(n_blocks), (n_worlds, 1)), axis=1)
-    columns = _columns(rng, heights, n_blocks)
+    columns = _columns(rng, heights, n_blocks, spread)
     level = np.arange(n_blocks)
     stacked = level < heights[:, None]
     xy = np.where(stacked[..., None], columns[:, :1], columns)
@@ -83,13 +84,13 @@ def _stack_heights(
     return np.where(biased, heights, 1)
 
 
-def _columns(rng: np.random.Generator, heights: np.ndarray, n_blocks: int) -> np.ndarray:
+def _columns(rng: np.random.Generator, heights: np.ndarray, n_blocks: int, spread: float) -> np.ndarray:
     """Positions `(N, n_blocks, 2)` of columns that stand clear of each other; a stack stands on the first."""
     columns = np.empty((len(heights), n_blocks, 2))
     pending = np.arange(len(heights))
     first, second = np.triu_indices(n_blocks, k=1)
     while len(pending):
-        drawn = rng.uniform(-SPREAD, SPREAD, (len(pending), n_blocks, 2))
+        drawn = rng.uniform(-spread, spread, (len(pending), n_blocks, 2))
         gap = np.linalg.norm(drawn[:, first] - drawn[:, second], axis=-1).min(axis=-1)
         clear = (heights[pending] < 3) | (np.linalg.norm(drawn[:, 0], axis=-1) >= HAND_CLEARANCE)
         good = (gap >= MIN_DISTANCE) & clear

@@ -19,14 +19,12 @@ from curiobench.analysis.rows import DTYPES
 from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
 from curiobench.errors import one_line
-from curiobench.methods.specs import canonical
+from curiobench.methods.specs import BUILT_IN, canonical
 from curiobench.versions import PACKAGES
 from curiobench.workers import no_collection, parallel_map
 
-METHOD_ORDER = (
-    *("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi", "decstr", "mcher"),
-    *("disagreement", "e3b", "ride", "ngu", "counts"),
-)
+_OF_THE_PAPER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
+METHOD_ORDER = (*_OF_THE_PAPER, *(spec for spec in BUILT_IN if spec not in _OF_THE_PAPER))
 """Methods as tables and figures list them; others follow by name."""
 IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
 RUN_COLUMNS = (

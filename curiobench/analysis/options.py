@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from curiobench.analysis.runs import decisive
 from curiobench.options import flatten
 from curiobench.presets import PRESETS, preset
-from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 RUN_OPTIONS = ("task", "method", "seed")  # options in which runs of a grid differ: every table has a column of each
 _PAPER = PRESETS["paper"]
-PAPER_STEPS = _PAPER.epochs * _PAPER.cycles * _PAPER.worlds * _PAPER.rollouts * EPISODE_STEPS
+PAPER_STEPS = _PAPER.epochs * _PAPER.cycles * _PAPER.worlds * _PAPER.rollouts * task_spec(_PAPER.task).horizon
 """Steps of a run of the paper."""
 _SETTINGS = "method_config."  # before the names of a method's own settings
 

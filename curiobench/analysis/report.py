@@ -123,8 +123,8 @@ def _picture(path: Path) -> dict[str, Any]:
     from curiobench.analysis.figures import KINDS
 
     content = _shortened(path.read_bytes())
-    task, _, name = path.stem.partition("-")
-    caption = f"{task}: {KINDS[re.sub('-[0-9]+$', '', name)].in_report}"
+    task, kind = re.fullmatch(rf"(.+)-({'|'.join(KINDS)})(?:-[0-9]+)?", path.stem).groups()
+    caption = f"{task}: {KINDS[kind].in_report}"
     sizes = {side: re.search(rb'<svg[^>]* %s="([\d.]+)' % side.encode(), content) for side in ("width", "height")}
     return {
         "source": f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}",

@@ -18,7 +18,7 @@ from curiobench.analysis.style import count, line_style, seeds_in_words
 from curiobench.analysis.summaries import Estimate, Value
 from curiobench.analysis.tables import Column, Table
 from curiobench.options import flatten
-from curiobench.tasks.registration import n_blocks_of
+from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
 
 FAR_BELOW = 0.5  # share of the paper's steps below which the scale of runs is warned of
@@ -183,7 +183,7 @@ def goal_cards(task: TaskSamples) -> dict[str, Any]:
         }
         for goal in range(len(task.goals) if len(task.goals) <= MOST_CARDS else 0)
     ]
-    blocks = BLOCKS[: n_blocks_of(task.task)] if any(card["picture"] for card in cards) else ()
+    blocks = BLOCKS[: task_spec(task.task).n_blocks] if any(card["picture"] for card in cards) else ()
     return {"task": task.task, "goals": len(task.goals), "cards": cards, "blocks": blocks}
 
 

@@ -13,12 +13,9 @@ import numpy as np
 import pandas as pd
 
 from curiobench.protocol import LEARNED_ABOVE
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import n_blocks_of
+from curiobench.tasks.registration import task_spec
 
 MAX_CSV_BYTES = 1 << 30
-LARGEST_LISTED_TASK = 4
-"""Blocks of the largest task whose valid goals are looked up; enumerating those of five blocks takes ten seconds."""
 _ROUNDING = 1e-9
 
 DTYPES = {
@@ -95,13 +92,9 @@ def _complete_evaluations(content: bytes) -> bytes:
     return header + b"".join(lines[: len(epochs) // n_goals * n_goals])
 
 
-def _n_bits(task: str) -> int:
-    return 3 * n_blocks_of(task) * (n_blocks_of(task) - 1) // 2
-
-
 def _bits_as_integers(task: str) -> bool:
     """Whether bit strings of a task are read as decimal numbers: that is faster, but they must fit into 64 bits."""
-    return _n_bits(task) <= 18
+    return task_spec(task).n_bits <= 18
 
 
 def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
@@ -141,7 +134,7 @@ def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Fr
     if not ((kept["episodes"] > 0) & kept["episodes_unsatisfied"].between(0, kept["episodes"])).all():
         raise ValueError("its numbers of episodes cannot be")
     texts = {"goal": _names(kept["goal"].to_numpy().reshape(-1, n_goals))}
-    texts["bits"] = [str(text).zfill(_n_bits(task)) for text in bits[:n_goals]]
+    texts["bits"] = [str(text).zfill(task_spec(task).n_bits) for text in bits[:n_goals]]
     codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
     columns = {name: kept[name].to_numpy() for name in DTYPES if name not in texts}
     columns |= {name: pd.Categorical.from_codes(codes, words) for name, words in texts.items()}
@@ -167,9 +160,9 @@ def _check_goals(bits: np.ndarray, layer: np.ndarray, starts: np.ndarray, task: 
 @cache
 def _goals_of(task: str) -> dict[int, int] | None:
     """Layer by goal, whose bits are read as a decimal number; None where there are too many goals to list."""
-    if n_blocks_of(task) > LARGEST_LISTED_TASK:
+    if task_spec(task).is_slow_to_enumerate:
         return None
-    space = goal_space(n_blocks_of(task))
+    space = task_spec(task).goal_space
     return {int(space.bit_string(bits)): int(layer) for bits, layer in zip(space.goals, space.layers, strict=True)}
 
 

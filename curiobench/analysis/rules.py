@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.frames import IDENTITY, METHOD_ORDER
+from curiobench.analysis.frames import IDENTITY
 from curiobench.analysis.submission import (
     Fault,
     Reference,
@@ -26,12 +26,11 @@ from curiobench.analysis.submission import (
     task_and_robot,
 )
 from curiobench.check import Finding, Skipped
-from curiobench.methods.specs import canonical, split
+from curiobench.methods.specs import BUILT_IN, split
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
-from curiobench.tasks.registration import EPISODE_STEPS, TASK_VERSION
+from curiobench.tasks.registration import TASK_VERSION, task_spec
 
 LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change the last bits of a run's numbers
-BUILT_IN = frozenset(split(canonical(method))[0] for method in METHOD_ORDER)  # without `+hm`
 SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")  # packages whose other versions call for a warning
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _LARGEST_OPTION = 10**9
@@ -147,7 +146,7 @@ def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
         if not fault and run not in runs.progress:
             fault = "no rows of progress"
         if not fault:
-            steps = config["cycles"] * config["worlds"] * config["rollouts"] * EPISODE_STEPS
+            steps = config["cycles"] * config["worlds"] * config["rollouts"] * task_spec(config["task"]).horizon
             fault = _off(runs.evaluations[run], "steps", steps) or _off(runs.progress[run], "steps", steps)
             fault = fault or _off(runs.progress[run], "updates", config["cycles"] * config["updates"])
         if fault:
@@ -206,7 +205,7 @@ def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
 def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
     """That of one file of each method."""
     methods = {run: config["method"] for run, config in runs.configs.items()}
-    outside = {run: method for run, method in methods.items() if split(method)[0] not in BUILT_IN}
+    outside = {run: method for run, method in methods.items() if split(method)[0] not in ("sac", *BUILT_IN)}
     if not outside:
         raise Skipped("all methods come with curiobench")
     found = defaultdict(set)

@@ -16,7 +16,7 @@ from curiobench.config import CONFIG_VERSION, LARGEST_SEED, with_later_fields
 from curiobench.files import read_json
 from curiobench.methods.specs import HYBRID, canonical, shown
 from curiobench.run_folder import read_record
-from curiobench.tasks.registration import ROBOTS, TASKS, check_name
+from curiobench.tasks.registration import check_robot
 from curiobench.versions import PACKAGES
 
 MAX_JSON_BYTES = 1 << 20
@@ -130,8 +130,7 @@ def check_config(config: Any) -> dict[str, Any]:
     """The options in a config.json, its method in the one form; raises ValueError where they are not a run's."""
     if not isinstance(config, dict):
         raise ValueError("it holds no config")
-    check_name("task", config.get("task"), TASKS)
-    check_name("robot", config.get("robot"), ROBOTS)
+    check_robot(config.get("task"), config.get("robot"))
     for name, least in (("seed", 0), ("epochs", 1)):
         if type(config.get(name)) is not int or not least <= config[name] <= LARGEST_SEED:
             legal = f"a whole number from {least} to {LARGEST_SEED}"

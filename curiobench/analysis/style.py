@@ -11,19 +11,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from curiobench.methods.specs import canonical, split
+from curiobench.methods.specs import BUILT_IN, canonical, split
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from curiobench.analysis.samples import Sample
 
-COLOURS = {
-    **{"sac": "#000000", "icm": "#E69F00", "rnd": "#56B4E9", "dac": "#CC79A7", "re3": "#009E73", "mi": "#D55E00"},
-    **{"decstr": "#332288", "mcher": "#882255", "disagreement": "#44AA99", "e3b": "#999933", "ride": "#AA4499"},
-    **{"ngu": "#6699CC", "counts": "#997700"},
-}
-"""Colours of the built-in methods by spec, without `+hm`."""
+_PALETTE = (
+    *("#000000", "#E69F00", "#56B4E9", "#CC79A7", "#009E73", "#D55E00"),
+    *("#332288", "#882255", "#44AA99", "#999933", "#AA4499", "#6699CC", "#997700"),
+    *("#DDCC77", "#EE99AA", "#117733", "#004488", "#994455"),
+)
+COLOURS = dict(zip(("sac", *BUILT_IN), _PALETTE, strict=False))
+"""Colours of the built-in methods by spec, without `+hm`; those beyond the palette have colours as from outside."""
 OUTSIDE = ("#0072B2", "#7F7F7F")
 """Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}

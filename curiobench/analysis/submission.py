@@ -15,7 +15,6 @@ import pandas as pd
 
 from curiobench.analysis.folders import available
 from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, load, read_results
-from curiobench.analysis.rows import LARGEST_LISTED_TASK
 from curiobench.analysis.runs import versions_of
 from curiobench.check import Finding, Skipped
 from curiobench.config import with_later_fields
@@ -23,8 +22,7 @@ from curiobench.files import read_json
 from curiobench.options import flatten
 from curiobench.presets import PRESETS, preset
 from curiobench.protocol import satisfied_starts
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import n_blocks_of
+from curiobench.tasks.registration import task_spec
 
 PRESETS_ONLY = "presets"  # name of the reference that is no published set
 _MOST_FAULTS, _MOST_RUNS = 10, 3
@@ -93,9 +91,9 @@ class Reference:
 
     def goals(self, task: str) -> set[tuple[str, str, int]]:
         """Name, bits and layer of each goal of a task; empty where they are not known."""
-        if n_blocks_of(task) > LARGEST_LISTED_TASK:
+        if task_spec(task).is_slow_to_enumerate:
             return goals_in(self.rows(task).drop_duplicates("bits"))
-        space = goal_space(n_blocks_of(task))
+        space = task_spec(task).goal_space
         return set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
 
     def satisfied_starts(self, task: str, total: int) -> dict[str, int] | None:

@@ -15,7 +15,7 @@ from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
-from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.spec import EPISODE_STEPS
 
 BATCH = 64
 """Transitions in a batch, unless a property asks for more."""

@@ -5,8 +5,7 @@ import numpy as np
 from curiobench.methods.registry import available_specs, parse_spec
 from curiobench.methods.specs import HYBRID
 from curiobench.presets import PRESET_LINES
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import TASKS, n_blocks_of
+from curiobench.tasks.registration import TASKS, task_spec
 
 ROBOT_LINES = {
     "gripper": "a free-floating hand with the Fetch arm's fingers, several times faster",
@@ -31,12 +30,12 @@ def listing() -> str:
 
 
 def _task_line(task: str) -> str:
-    n_blocks = n_blocks_of(task)
-    if n_blocks == 5:
-        return "5 blocks, some 14,000 goals"  # enumerating them takes seconds
-    layers, counts = np.unique(goal_space(n_blocks).layers, return_counts=True)
+    spec = task_spec(task)
+    if spec.about:
+        return spec.about
+    layers, counts = np.unique(spec.goal_space.layers, return_counts=True)
     parts = ", ".join(f"{count} of height {layer}" for layer, count in zip(layers, counts, strict=True))
-    return f"{n_blocks} blocks, {counts.sum()} goals: {parts}"
+    return f"{spec.n_blocks} blocks, {counts.sum()} goals: {parts}"
 
 
 def _method_line(spec: str) -> str:

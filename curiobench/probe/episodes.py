@@ -12,7 +12,6 @@ from curiobench.replay import Episodes
 from curiobench.rollout import Act, play
 from curiobench.tasks.batch import BatchedStacking, Observation
 from curiobench.tasks.goals import GoalSpace
-from curiobench.tasks.registration import EPISODE_STEPS
 from curiobench.tasks.scripts import Script, push_off_table, stack_two
 from curiobench.tasks.stacking import ACTION_SIZE
 
@@ -105,8 +104,8 @@ def reference_transitions(task: str, robot: str, seed: int) -> Batch:
 
 def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
     """All N · T transitions by the names of `Batch`, raw, episode by episode."""
-    n = len(episodes.desired_goal)
-    desired = np.repeat(episodes.desired_goal, EPISODE_STEPS, axis=0).astype(np.float32)
+    n, steps = episodes.action.shape[:2]
+    desired = np.repeat(episodes.desired_goal, steps, axis=0).astype(np.float32)
     before, after = (
         [a[:, part].reshape(len(desired), -1) for a in (episodes.observation, episodes.achieved_goal)]
         for part in (slice(None, -1), slice(1, None))
@@ -119,10 +118,10 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
         "next_achieved_goal": after[1],
         "desired_goal": desired,
         "reward": BatchedStacking.compute_reward(after[1], desired),
-        "step": np.tile(np.arange(EPISODE_STEPS), n),
-        "episode": np.repeat(np.arange(n), EPISODE_STEPS),
-        "episode_observation": np.repeat(episodes.observation, EPISODE_STEPS, axis=0),
-        "episode_achieved_goal": np.repeat(episodes.achieved_goal, EPISODE_STEPS, axis=0),
+        "step": np.tile(np.arange(steps), n),
+        "episode": np.repeat(np.arange(n), steps),
+        "episode_observation": np.repeat(episodes.observation, steps, axis=0),
+        "episode_achieved_goal": np.repeat(episodes.achieved_goal, steps, axis=0),
     }
 
 

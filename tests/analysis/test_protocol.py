@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from curiobench import rollout
 from curiobench.evaluation import Evaluator
 from curiobench.protocol import satisfied_starts
+from curiobench.tasks import BatchedStacking
 from curiobench.versions import versions
 
 
@@ -18,7 +18,7 @@ class Still:
 
 @pytest.mark.parametrize(("task", "episodes"), [("stack2", 10), ("stack2", 25), ("stack3", 10), ("stack3", 25)])
 def test_satisfied_starts_are_those_of_the_evaluation(monkeypatch, task, episodes):
-    monkeypatch.setattr(rollout, "EPISODE_STEPS", 1)
+    monkeypatch.setattr(BatchedStacking, "horizon", 1)
     rows = Evaluator(task, "gripper", episodes).evaluate(Still()).rows()
     held = {row["bits"]: row["episodes"] - row["episodes_unsatisfied"] for row in rows}
     assert {bits: count for bits, count in held.items() if count} == satisfied_starts(task, episodes)
@@ -28,7 +28,7 @@ def test_satisfied_starts_are_those_of_the_evaluation(monkeypatch, task, episode
 @pytest.mark.parametrize("robot", ["gripper", "fetch"])
 @pytest.mark.parametrize("episodes", [10, 25])
 def test_satisfied_starts_of_four_blocks(monkeypatch, robot, episodes):
-    monkeypatch.setattr(rollout, "EPISODE_STEPS", 1)
+    monkeypatch.setattr(BatchedStacking, "horizon", 1)
     rows = Evaluator("stack4", robot, episodes).evaluate(Still()).rows()
     held = {row["bits"]: row["episodes"] - row["episodes_unsatisfied"] for row in rows}
     assert {bits: count for bits, count in held.items() if count} == satisfied_starts("stack4", episodes)

@@ -11,7 +11,7 @@ import numpy as np
 from side_by_side import ratio, side_by_side
 
 from curiobench.tasks import BatchedStacking, load
-from curiobench.tasks.registration import EPISODE_STEPS
+from curiobench.tasks.spec import EPISODE_STEPS
 
 N_WORLDS = 64
 EVERY = 7

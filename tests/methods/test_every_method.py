@@ -96,16 +96,16 @@ def test_all_randomness_comes_from_the_generator(spec):
     assert torch.equal(torch.get_rng_state(), before)
     torch.manual_seed(1)
     assert same_state(trained(spec).state_dict(), first)
-    assert same_state(trained(spec, seed=1).state_dict(), first) == (spec == "counts")  # which draws nothing
+    has_networks = any(isinstance(part, torch.nn.Module) for part in vars(fresh(REWARDS[spec])).values())
+    assert same_state(trained(spec, seed=1).state_dict(), first) is not has_networks
 
 
 @every_method
-def test_only_dac_sees_goals(spec):
+def test_goals_matter_to_those_that_use_the_policy_alone(spec):
     method, batch = trained(spec), random_transitions()
     relabelled = replace(batch, policy=replace(batch.policy, desired_goal=1 - batch.policy.desired_goal))
     unchanged = torch.equal(method.reward(batch), method.reward(relabelled))
     assert unchanged is not method.uses_policy
-    assert method.uses_policy is (spec == "dac")
 
 
 @every_method

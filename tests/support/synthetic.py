@@ -12,8 +12,7 @@ from curiobench.config import CONFIG_VERSION
 from curiobench.methods.specs import canonical
 from curiobench.presets import PRESETS
 from curiobench.run_folder import FORMAT
-from curiobench.tasks.goals import goal_space
-from curiobench.tasks.registration import n_blocks_of
+from curiobench.tasks.registration import task_spec
 
 Success = Callable[[str, str, int, int, int], float]
 """Share of successful episodes by task, method (as given), seed, epoch and position of the goal."""
@@ -88,7 +87,7 @@ def write_run(
 ) -> None:
     """Write one run folder; see `write_runs`."""
     path.mkdir(parents=True)
-    space = goal_space(n_blocks_of(task))
+    space = task_spec(task).goal_space
     rates = np.array([[success(task, method, seed, e, g) for g in range(len(space))] for e in range(epochs + 1)])
     _write_config(path, task, method, seed, epochs if complete else 2 * epochs, options)
     (path / "evaluations.csv").write_text(_evaluations(task, rates))
@@ -121,7 +120,7 @@ def _write_config(path: Path, task: str, method: str, seed: int, epochs: int, op
 
 def _evaluations(task: str, rates: np.ndarray) -> str:
     """evaluations.csv; one test episode of each goal in layer 1 starts with the goal satisfied."""
-    space = goal_space(n_blocks_of(task))
+    space = task_spec(task).goal_space
     lines = ["epoch,steps,goal,bits,layer,episodes,success,episodes_unsatisfied,success_unsatisfied,learned"]
     goals = [
         (f'"{name}"' if "," in name else name, space.bit_string(bits), layer)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import curiobench  # noqa: F401  (registers the environments)
+from curiobench.tasks import TASKS, task_spec
 from curiobench.tasks.gym_env import SemanticStackEnv
 
 
@@ -20,9 +20,10 @@ def env():
     environment.close()
 
 
-@pytest.mark.parametrize("n_blocks", [2, 3, 4, 5])
-def test_gymnasiums_checker_passes(n_blocks):
-    environment = gym.make(f"curiobench/SemanticStack{n_blocks}-v0", render_mode="rgb_array")
+@pytest.mark.parametrize("task", TASKS)
+def test_gymnasiums_checker_passes(task):
+    spec = task_spec(task)
+    environment = gym.make(spec.gym_id, robot=spec.robots[0], render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*infinity.*")  # positions have no bounds
@@ -102,7 +103,8 @@ def test_bad_input(env, call, message):
 
 
 def test_time_limit_is_gymnasiums_own():
-    assert gym.spec("curiobench/SemanticStack4-v0").max_episode_steps == 50
+    for task in TASKS:
+        assert gym.spec(task_spec(task).gym_id).max_episode_steps == task_spec(task).horizon
     for steps in (3, 60):
         env = gym.make("curiobench/SemanticStack2-v0", max_episode_steps=steps)
         env.reset(seed=0)
