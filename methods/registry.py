@@ -24,13 +24,13 @@ from curiobench.methods.icm import ICM
 from curiobench.methods.mcher import MultiCriteriaHER
 from curiobench.methods.mi import MI
 from curiobench.methods.ngu import NGU
-from curiobench.methods.plugins import Method, building, installed_methods, load_class, load_installed, trace
+from curiobench.methods.plugins import Method, building, load_class, load_installed, trace
 from curiobench.methods.re3 import RE3
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
 from curiobench.methods.ride import RIDE
 from curiobench.methods.rnd import RND
-from curiobench.methods.specs import ALIASES, HYBRID, canonical, split
+from curiobench.methods.specs import available_specs, canonical, installed_methods, split
 
 REWARDS: dict[str, type[IntrinsicReward]] = {
     "icm": ICM,
@@ -78,12 +78,6 @@ class MethodSpec:
 
     def _if_a(self, kind: type) -> type | None:
         return self.method if self.method is not None and issubclass(self.method, kind) else None
-
-
-def available_specs() -> list[str]:
-    """Every spec with a name, aliases last: built in, or provided by an installed package."""
-    names = [*REWARDS, *(name for name in installed_methods() if name not in ("sac", *_BUILT_IN, *ALIASES))]
-    return ["sac", *names, *GOAL_METHODS, *(name + HYBRID for name in names), *ALIASES]
 
 
 def parse_spec(text: str) -> MethodSpec:

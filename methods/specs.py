@@ -1,10 +1,62 @@
-"""The text of method specs: their one form, and the one that people are shown. Needs no torch and imports no method."""
+"""Which methods there are, and the text of method specs. Needs no torch and imports no method."""
+
+from importlib.metadata import entry_points
 
 HYBRID = "+hm"
 """Behind a curiosity method's spec: that method under the hybrid policy mechanism."""
 
 ALIASES = {"mihm": "mi+hm"}
 """Other names of specs; the paper calls its method MIHM."""
+
+REWARD_LINES = {
+    "icm": "rewards transitions that a forward model predicts badly, among features that actions influence "
+    "(Pathak et al. 2017, arXiv 1705.05363)",
+    "rnd": "rewards next states in which a trained network cannot yet imitate a random one "
+    "(Burda et al. 2018, arXiv 1810.12894)",
+    "dac": "rewards actions that neither the policy nor the replay buffer would take in a state, for a goal "
+    "(Han and Sung 2021, arXiv 2006.01419)",
+    "re3": "rewards next states whose nearest neighbours in a random feature space are far "
+    "(Seo et al. 2021, arXiv 2102.09430)",
+    "mi": "rewards next states that are rare, but could be predicted from state and action "
+    "(Han et al. 2023, doi 10.3389/fnbot.2023.1089270)",
+    "disagreement": "rewards transitions about which forward models that learned from the same data disagree "
+    "(Pathak et al. 2019, arXiv 1906.04161)",
+    "e3b": "rewards next states unlike those before them in the episode, among features that actions influence "
+    "(Henaff et al. 2022, arXiv 2210.05805)",
+    "ride": "rewards large changes among features that actions influence, less for what the episode has met before "
+    "(Raileanu and Rocktäschel 2020, arXiv 2002.12292)",
+    "ngu": "rewards next states far from all that the episode met before, among features that actions influence "
+    "(Badia et al. 2020, arXiv 2002.06038)",
+    "counts": "rewards semantic configurations that were seldom reached: a simple baseline "
+    "(Strehl and Littman 2008, doi 10.1016/j.jcss.2007.08.009)",
+}
+"""What each built-in curiosity method rewards, and its paper, by spec."""
+
+GOAL_METHOD_LINES = {
+    "decstr": "no intrinsic reward: goals and replay are drawn from buckets in which learning progresses "
+    "(Akakzia et al. 2021, arXiv 2006.07185)",
+    "mcher": "no intrinsic reward: hindsight relabels the predicates of each pair of blocks on their own "
+    "(Lanier et al. 2019, arXiv 1906.03710)",
+}
+"""What each built-in method without an intrinsic reward does with goals, and its paper, by spec."""
+
+GROUP = "curiobench.methods"
+"""Entry-point group in which installed packages name their methods."""
+
+
+def installed_methods() -> dict[str, list[str]]:
+    """The classes, as `package.module:Class`, that installed packages give each lower-case name; none is imported."""
+    found: dict[str, set[str]] = {}
+    for point in entry_points(group=GROUP):
+        found.setdefault(point.name.lower(), set()).add(point.value.partition("[")[0].strip())
+    return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def available_specs() -> list[str]:
+    """Every spec with a name, aliases last: built in, or provided by an installed package."""
+    taken = {"sac", *REWARD_LINES, *GOAL_METHOD_LINES, *ALIASES}
+    names = [*REWARD_LINES, *(name for name in installed_methods() if name not in taken)]
+    return ["sac", *names, *GOAL_METHOD_LINES, *(name + HYBRID for name in names), *ALIASES]
 
 
 def canonical(text: str) -> str:

@@ -1,6 +1,7 @@
 """Arguments of the commands but `train`, and how they are parsed."""
 
 import io
+import os
 import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -252,6 +253,7 @@ def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default
         if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
             raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
     messages = io.StringIO()
+    tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # which it does not read by itself
     try:
         with redirect_stderr(messages):
             return tyro.cli(kind, prog=f"curiobench {command}", args=list(arguments), default=default)

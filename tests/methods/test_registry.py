@@ -10,8 +10,8 @@ from test_sac import same_state
 from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.registry import REWARDS, available_specs, make_agent, parse_spec
-from curiobench.methods.specs import ALIASES
+from curiobench.methods.registry import GOAL_METHODS, REWARDS, make_agent, parse_spec
+from curiobench.methods.specs import ALIASES, GOAL_METHOD_LINES, REWARD_LINES, available_specs
 
 HYBRIDS = [spec for spec in available_specs() if parse_spec(spec).hybrid]
 
@@ -30,6 +30,10 @@ def test_every_curiosity_method_has_a_hybrid():
         assert not parse_spec(name).hybrid
         assert type(agent_of(name)) is SAC
         assert type(agent_of(f"{name}+hm")) is HybridAgent
+
+
+def test_every_built_in_method_has_its_line():
+    assert (list(REWARDS), list(GOAL_METHODS)) == (list(REWARD_LINES), list(GOAL_METHOD_LINES))
 
 
 def test_mihm_is_another_name_and_makes_the_same_config():
