@@ -18,7 +18,7 @@ from curiobench.analysis.summaries import Estimate, Value, summarise
 from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
 from curiobench.files import replace_file
 from curiobench.methods.specs import shown
-from curiobench.terminal import draws
+from curiobench.terminal import draws, wrapped
 from curiobench.terminal import width as terminal_width
 from curiobench.workers import cores
 
@@ -52,18 +52,20 @@ def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = F
     is wider. Names of runs are not broken.
     """
     from rich.console import Console
-    from rich.padding import Padding
+    from rich.measure import Measurement
     from rich.text import Text
 
-    console = Console(file=io.StringIO(), width=width or 10_000, force_terminal=colour, no_color=True, highlight=False)
+    console = Console(file=io.StringIO(), width=10_000, force_terminal=colour, no_color=True, highlight=False)
     for place, table in enumerate(tables):
         if place:
             console.print()
         if table.title:
-            console.print(Text(table.title, "bold"), end="\n\n")
-        console.print(_grid(table), crop=False)
+            console.print(Text(wrapped(table.title, width), "bold"), end="\n\n")
+        grid = _grid(table)
+        least = Measurement.get(console, console.options, grid).minimum
+        console.print(grid, width=max(width or console.width, least))
         for note in table.notes:
-            console.print(Padding(Text(note), (0, 0, 0, 2)))
+            console.print(Text(wrapped(note, width, "  ", "  ")))
     return re.sub(r" +$", "", console.file.getvalue().rstrip("\n"), flags=re.MULTILINE)
 
 

@@ -282,7 +282,8 @@ def test_latex_is_escaped_and_balanced(make_runs):
     for name in ("table", "tabular"):
         assert text.count(rf"\begin{{{name}}}") == text.count(rf"\end{{{name}}}") == 3
     assert text.count(r"\toprule") == text.count(r"\midrule") == text.count(r"\bottomrule") == 3
-    plain = re.sub(r"(?m)^%.*$|\\[%_$&#{}]|\\textgreater\{\}", "", text)
+    fitted = text.replace(r"\width>\linewidth", "").replace("{%\n", "{\n")
+    plain = re.sub(r"(?m)^%.*$|\\[%_$&#{}]|\\textgreater\{\}", "", fitted)
     assert not re.search(r"[%_$#<>]", plain)
     assert plain.count("{") == plain.count("}")
     assert re.findall(r"\\label\{(.*?)\}", text) == [
