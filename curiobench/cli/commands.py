@@ -23,7 +23,7 @@ from curiobench.cli.arguments import (
     VideoArguments,
     parse,
 )
-from curiobench.errors import CheckFailed, Interrupted, RunFailed, one_line
+from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra, one_line
 from curiobench.tasks.registration import check_name
 
 
@@ -264,6 +264,8 @@ def main() -> NoReturn:
         sys.exit(128 + signal.SIGPIPE)
     except ValueError as error:
         _exit(error, 2)
+    except ModuleNotFoundError as error:
+        _exit(missing_extra(error), 2)
     except (RunFailed, CheckFailed) as error:
         _exit(error, 1)
     except Interrupted as error:
