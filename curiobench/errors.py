@@ -21,6 +21,18 @@ class Interrupted(Exception):
         self.signal_number = signal_number
 
 
+OF_TRAIN = ("torch", "numba", "scipy", "pandas", "matplotlib", "seaborn", "rich", "safetensors", "yaml", "jinja2")
+"""Modules that the extra `train` installs. The environments need none of them."""
+
+
+def missing_extra(error: ModuleNotFoundError) -> str:
+    """What to install where a module of the extra `train` is missing, one line; raises the error if it is another."""
+    module = (error.name or "").partition(".")[0]
+    if module not in OF_TRAIN:
+        raise error
+    return f"{module} is not installed; training and results need the extra `train`: pip install 'curiobench[train]'"
+
+
 class StopRequest:
     """Counts Ctrl-C and SIGTERM within a `with` block. They do not end the process.
 

@@ -4,6 +4,7 @@ import csv
 import fcntl
 import io
 import os
+import shlex
 import shutil
 import time
 from collections.abc import Container, Sequence
@@ -100,7 +101,8 @@ class RunFolder(AbstractContextManager):
         begun = read_config(self.path, {self.config.method})
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
-            raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
+            shown = f"curiobench table {shlex.quote(str(self.path))}"
+            raise ValueError(f"{self.path} is already finished; `{shown}` shows its result")
         if found := obstacles(begun, self.config):
             raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         if longer:

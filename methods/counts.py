@@ -24,8 +24,6 @@ LARGEST_BITS = 62
 class Counts(IntrinsicReward):
     """A bonus for configurations that were seldom reached."""
 
-    idea = "rewards semantic configurations that were seldom reached: a simple baseline"
-    paper = "Strehl and Littman 2008, doi 10.1016/j.jcss.2007.08.009"
     Config = NoSettings
 
     def __init__(self, state_size: int, action_size: int, config: NoSettings, generator: torch.Generator) -> None:

@@ -12,7 +12,7 @@ and, after each epoch, `curriculum.end_epoch()`.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -56,10 +56,6 @@ class GoalMethod(ABC):  # noqa: B024 - its kinds draw different things
     """
 
     Config: type = NoSettings
-    idea: ClassVar[str] = ""
-    """What it does with goals, in one line without a full stop; `curiobench list` shows it."""
-    paper: ClassVar[str] = ""
-    """Authors, year, and where to find it; shown beside it."""
 
     def __init__(self, goals: Goals, config: Any = None) -> None:
         self.goals, self.config = goals, config

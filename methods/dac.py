@@ -69,8 +69,6 @@ class DACConfig:
 class DAC(LearnedReward):
     """Diversity actor-critic."""
 
-    idea = "rewards actions that neither the policy nor the replay buffer would take in a state, for a goal"
-    paper = "Han and Sung 2021, arXiv 2006.01419"
     uses_policy = True
     Config = DACConfig
 

@@ -66,8 +66,6 @@ def buckets(goals: Goals) -> np.ndarray:
 class DECSTR(Curriculum):
     """Buckets of goals, drawn by learning progress."""
 
-    idea = "no intrinsic reward: goals and replay are drawn from buckets in which learning progresses"
-    paper = "Akakzia et al. 2021, arXiv 2006.07185"
     Config = DECSTRConfig
 
     def __init__(self, goals: Goals, config: DECSTRConfig) -> None:

@@ -46,8 +46,6 @@ class DisagreementConfig:
 class Disagreement(LearnedReward):
     """Variance over an ensemble of forward models."""
 
-    idea = "rewards transitions about which forward models that learned from the same data disagree"
-    paper = "Pathak et al. 2019, arXiv 1906.04161"
     Config = DisagreementConfig
     _STATEFUL = ("models", "optimiser")
 

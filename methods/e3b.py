@@ -44,8 +44,6 @@ class E3BConfig:
 class E3B(LearnedReward):
     """The elliptical episodic bonus."""
 
-    idea = "rewards next states unlike those before them in the episode, among features that actions influence"
-    paper = "Henaff et al. 2022, arXiv 2210.05805"
     Config = E3BConfig
     uses_episode = True
     _STATEFUL = ("phi", "optimiser")

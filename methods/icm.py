@@ -54,8 +54,6 @@ class ICMConfig:
 class ICM(LearnedReward):
     """The intrinsic curiosity module."""
 
-    idea = "rewards transitions that a forward model predicts badly, among features that actions influence"
-    paper = "Pathak et al. 2017, arXiv 1705.05363"
     Config = ICMConfig
     _STATEFUL = ("phi", "forward", "optimiser")
 

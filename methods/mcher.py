@@ -34,8 +34,6 @@ class MultiCriteriaHERConfig:
 class MultiCriteriaHER(Relabelling):
     """Hindsight for each pair of blocks on its own."""
 
-    idea = "no intrinsic reward: hindsight relabels the predicates of each pair of blocks on their own"
-    paper = "Lanier et al. 2019, arXiv 1906.03710"
     Config = MultiCriteriaHERConfig
 
     def draw(self, replay: Replay, size: int, generator: np.random.Generator) -> Draw:

@@ -89,8 +89,6 @@ class MIConfig:
 class MI(LearnedReward):
     """Decoupled mutual information."""
 
-    idea = "rewards next states that are rare, but could be predicted from state and action"
-    paper = "Han et al. 2023, doi 10.3389/fnbot.2023.1089270"
     Config = MIConfig
     _STATEFUL = ("density", "optimiser", "moments")
 

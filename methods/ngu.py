@@ -57,8 +57,6 @@ class NGUConfig:
 class NGU(LearnedReward):
     """The episodic bonus alone."""
 
-    idea = "rewards next states far from all that the episode met before, among features that actions influence"
-    paper = "Badia et al. 2020, arXiv 2002.06038"
     Config = NGUConfig
     uses_episode = True
     _STATEFUL = ("phi", "optimiser", "distances")

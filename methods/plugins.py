@@ -17,7 +17,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType, NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -25,30 +24,23 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 from curiobench.methods.curriculum import Curriculum
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
+from curiobench.methods.specs import installed_methods
 
 Method = IntrinsicReward | Curriculum | Relabelling
 """Kinds of methods."""
-
-GROUP = "curiobench.methods"
-"""Entry-point group in which installed packages name their methods."""
 
 PLAIN = (bool, int, float, str, NoneType)
 """Types of settings that survive JSON, alone or as alternatives; beside them a Literal of strings."""
 
 
-def installed_methods() -> list[str]:
-    """Lower-case names of the methods that installed packages provide; none is imported."""
-    return sorted({point.name.lower() for point in entry_points(group=GROUP)})
-
-
 def load_installed(name: str) -> type[Method]:
     """The class behind an entry point. Raises ValueError as `load_class`, and where two packages give that name."""
-    values = sorted({point.value for point in entry_points(group=GROUP) if point.name.lower() == name})
+    values = installed_methods()[name]
     if len(values) > 1:
         raise ValueError(
             f"method {name!r}: several installed packages provide it: {', '.join(values)}; name one of these"
         )
-    return load_class(values[0].partition("[")[0].strip(), f"{name} ({values[0]})")
+    return load_class(values[0], f"{name} ({values[0]})")
 
 
 def load_class(path: str, spec: str) -> type[Method]:

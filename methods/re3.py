@@ -68,8 +68,6 @@ class RE3Config:
 class RE3(LearnedReward):
     """Random encoders for efficient exploration."""
 
-    idea = "rewards next states whose nearest neighbours in a random feature space are far"
-    paper = "Seo et al. 2021, arXiv 2102.09430"
     Config = RE3Config
     _STATEFUL = ("encoder",)
 

@@ -17,10 +17,10 @@ from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.curriculum import Curriculum, GoalMethod
-from curiobench.methods.plugins import Method, building, installed_methods, load_class, load_installed, trace
+from curiobench.methods.plugins import Method, building, load_class, load_installed, trace
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
-from curiobench.methods.specs import ALIASES, BUILT_IN, HYBRID, canonical, split
+from curiobench.methods.specs import BUILT_IN, available_specs, canonical, installed_methods, split
 
 
 def _built_in(place: str) -> type[Method]:
@@ -29,7 +29,7 @@ def _built_in(place: str) -> type[Method]:
     return getattr(importlib.import_module(f"curiobench.methods.{module}"), name)
 
 
-_BUILT_IN: dict[str, type[Method]] = {spec: _built_in(place) for spec, place in BUILT_IN.items()}
+_BUILT_IN: dict[str, type[Method]] = {spec: _built_in(method.place) for spec, method in BUILT_IN.items()}
 REWARDS: dict[str, type[IntrinsicReward]] = {
     spec: method for spec, method in _BUILT_IN.items() if issubclass(method, IntrinsicReward)
 }
@@ -68,12 +68,6 @@ class MethodSpec:
 
     def _if_a(self, kind: type) -> type | None:
         return self.method if self.method is not None and issubclass(self.method, kind) else None
-
-
-def available_specs() -> list[str]:
-    """Every spec with a name, aliases last: built in, or provided by an installed package."""
-    names = [*REWARDS, *(name for name in installed_methods() if name not in ("sac", *_BUILT_IN, *ALIASES))]
-    return ["sac", *names, *GOAL_METHODS, *(name + HYBRID for name in names), *ALIASES]
 
 
 def parse_spec(text: str) -> MethodSpec:

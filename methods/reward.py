@@ -139,10 +139,6 @@ class IntrinsicReward(ABC):
     """
 
     Config: type
-    idea: ClassVar[str] = ""
-    """What is rewarded, in one line without a full stop; `curiobench list` shows it."""
-    paper: ClassVar[str] = ""
-    """Authors, year, and where to find it; shown beside it."""
     uses_policy: ClassVar[bool] = False
     """Ask the agent for a `PolicyView`. Its reward may then change with the goal: DAC needs that, a method that scores
     states must not."""

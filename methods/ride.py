@@ -44,8 +44,6 @@ class RIDEConfig:
 class RIDE(LearnedReward):
     """Impact, divided by the root of the episode's visits."""
 
-    idea = "rewards large changes among features that actions influence, less for what the episode has met before"
-    paper = "Raileanu and Rocktäschel 2020, arXiv 2002.12292"
     Config = RIDEConfig
     uses_episode = True
     _STATEFUL = ("phi", "forward", "optimiser")

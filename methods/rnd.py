@@ -51,8 +51,6 @@ class RNDConfig:
 class RND(LearnedReward):
     """Random network distillation."""
 
-    idea = "rewards next states in which a trained network cannot yet imitate a random one"
-    paper = "Burda et al. 2018, arXiv 1810.12894"
     Config = RNDConfig
     _STATEFUL = ("target", "predictor", "optimiser")
 

@@ -4,8 +4,6 @@ import csv
 import io
 import os
 import re
-import shutil
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from os.path import isfile
@@ -20,9 +18,13 @@ from curiobench.analysis.summaries import Estimate, Value, summarise
 from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
 from curiobench.files import replace_file
 from curiobench.methods.specs import shown
+from curiobench.terminal import draws, wrapped
+from curiobench.terminal import width as terminal_width
 from curiobench.workers import cores
 
 if TYPE_CHECKING:
+    from rich.table import Table as Grid
+
     from curiobench.cli.arguments import TableArguments
 
 MISSING = "–"  # in the place of a value that there is none of
@@ -37,32 +39,51 @@ _LATEX = {
     "–": "--",
 } | {character: f"\\{character}" for character in "&%$#_{}"}
 
+_TO_FIT = r"  \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # only what is wider than the text
+
 Tables = tuple[str, Sequence[Table], Table]
 """A name for their files, tables to look at, and one that holds all their numbers."""
 
 
 def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
-    """Tables as plain text, `width` columns wide at most, where long cells are wrapped; bold by codes if `colour`."""
-    from rich import box
+    """Tables as plain text; bold by codes if `colour`.
+
+    Cells and notes are broken between words so that lines have `width` columns at most; a table whose words do not fit
+    is wider. Names of runs are not broken.
+    """
     from rich.console import Console
-    from rich.table import Table as Grid
+    from rich.measure import Measurement
     from rich.text import Text
 
-    console = Console(file=io.StringIO(), width=width or 10_000, force_terminal=colour, no_color=True, highlight=False)
+    console = Console(file=io.StringIO(), width=10_000, force_terminal=colour, no_color=True, highlight=False)
     for place, table in enumerate(tables):
-        grid = Grid(box=box.SIMPLE, pad_edge=False, show_edge=False)
-        for column in table.columns:
-            grid.add_column(Text(column.heading), justify="right" if _is_number(table, column) else "left")
-        for cells in _cells(table):
-            grid.add_row(*(Text(text, "bold" if best else "") for text, best in cells))
         if place:
             console.print()
         if table.title:
-            console.print(Text(table.title, "bold"), end="\n\n")
-        console.print(grid)
+            console.print(Text(wrapped(table.title, width), "bold"), end="\n\n")
+        grid = _grid(table)
+        least = Measurement.get(console, console.options, grid).minimum
+        console.print(grid, width=max(width or console.width, least))
         for note in table.notes:
-            console.print(Text(f"  {note}"))
+            console.print(Text(wrapped(note, width, "  ", "  ")))
     return re.sub(r" +$", "", console.file.getvalue().rstrip("\n"), flags=re.MULTILINE)
+
+
+def _grid(table: Table) -> "Grid":
+    """A table for rich, whose columns are as wide as their longest word at least."""
+    from rich import box
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid, rows = Grid(box=box.SIMPLE, pad_edge=False, show_edge=False), _cells(table)
+    for column, cells in zip(table.columns, zip(*rows, strict=True), strict=True):
+        texts = [column.heading, *(text for text, _ in cells)]
+        unbroken = texts if column.key == "run" else " ".join(texts).split()
+        justify = "right" if _is_number(table, column) else "left"
+        grid.add_column(Text(column.heading), justify=justify, min_width=max(map(len, unbroken)))
+    for cells in rows:
+        grid.add_row(*(Text(text, "bold" if best else "") for text, best in cells))
+    return grid
 
 
 def markdown(tables: Sequence[Table]) -> str:
@@ -84,7 +105,7 @@ def _markdown(text: str) -> str:
 
 
 def latex(tables: Sequence[Table]) -> str:
-    r"""Tables in LaTeX, for `\input`; they need the package booktabs."""
+    r"""Tables in LaTeX, for `\input`, with a label from the title; they need the packages booktabs and graphicx."""
     parts = []
     for table in tables:
         kinds = "".join("r" if _is_number(table, column) else "l" for column in table.columns)
@@ -93,10 +114,11 @@ def latex(tables: Sequence[Table]) -> str:
             rows.append([rf"\textbf{{{_latex(text)}}}" if best else _latex(text) for text, best in cells])
         head, *body = [f"    {' & '.join(cells)} \\\\" for cells in rows]
         caption = _latex(". ".join([table.title, *table.notes]) + ".")
-        lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{caption}}}"]
+        label = "-".join(re.findall(r"[a-z0-9]+", table.title.lower()))
+        lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{caption}}}", rf"  \label{{tab:{label}}}", _TO_FIT]
         lines += [rf"  \begin{{tabular}}{{{kinds}}}", r"    \toprule", head, r"    \midrule", *body, r"    \bottomrule"]
-        parts.append("\n".join([*lines, r"  \end{tabular}", r"\end{table}"]))
-    return "\n\n".join(["% needs \\usepackage{booktabs}", *parts])
+        parts.append("\n".join([*lines, r"  \end{tabular}}", r"\end{table}"]))
+    return "\n\n".join(["% needs \\usepackage{booktabs,graphicx}", *parts])
 
 
 def _latex(text: str) -> str:
@@ -186,10 +208,7 @@ def _written(made: Tables, form: str) -> str:
         return comma_separated(flat)
     if form != "terminal":
         return WRITERS[form][0](tables)
-    screen = sys.stdout.isatty()
-    return terminal(
-        tables, shutil.get_terminal_size().columns if screen else None, screen and "NO_COLOR" not in os.environ
-    )
+    return terminal(tables, terminal_width(), draws() and "NO_COLOR" not in os.environ)
 
 
 def make_tables(

@@ -19,6 +19,7 @@ from curiobench.analysis.submission import (
     Reference,
     Submission,
     examine,
+    first_of,
     goals_in,
     read_submission,
     reference,
@@ -48,7 +49,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
     Returns a line that says what is compared with what, and a finding a property.
     """
     compared, runs = reference(against), read_submission(paths)
-    methods = ", ".join(dict.fromkeys(runs.results.runs["method"])) or "no method"
+    methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
     number = f"{len(runs.records)} run{'s' * (len(runs.records) != 1)}"
     return f"{number} of {methods}, compared with {compared.name}", examine(runs, compared)
 

@@ -26,7 +26,7 @@ from curiobench.tasks.registration import task_spec
 
 PRESETS_ONLY = "presets"  # name of the reference that is no published set
 _MOST_FAULTS, _MOST_RUNS = 10, 3
-"""Different faults of one property that are named, and runs of each; the others are counted."""
+"""Different faults of one property that are named, and runs of each, or methods; the others are counted."""
 
 PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "preset", "task", "robot"})
 """Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
@@ -191,11 +191,16 @@ def _finding(property: str, verdict: str, rule: Rule, runs: Submission, against:
     lines = [fault + _named(names) for fault, names in where.items()]
     if len(lines) > _MOST_FAULTS:
         lines[_MOST_FAULTS:] = [f"and {len(lines) - _MOST_FAULTS} more"]
-    return Finding(property, verdict if lines else "pass", "; ".join(lines))
+    return Finding(property, verdict if lines else "pass", "\n".join(lines))
 
 
 def _named(runs: Iterable[str]) -> str:
     """The runs behind a fault, in brackets."""
     names = list(dict.fromkeys(filter(None, runs)))
+    return f" ({first_of(names)})" if names else ""
+
+
+def first_of(names: Sequence[str]) -> str:
+    """The first few names, and how many more there are."""
     more = f" and {len(names) - _MOST_RUNS} more" if len(names) > _MOST_RUNS else ""
-    return f" ({', '.join(names[:_MOST_RUNS])}{more})" if names else ""
+    return ", ".join(names[:_MOST_RUNS]) + more

@@ -12,10 +12,10 @@ class Finding:
     verdict: str
     """pass, FAIL, skip or warn."""
     detail: str = ""
-    """What was expected and found, why it was skipped, or what was measured."""
+    """What was expected and found, why it was skipped, or what was measured; a line a fault."""
 
     def __str__(self) -> str:
-        return f"{self.verdict}  {self.property}{self.detail and ': '}{self.detail}"
+        return "\n      ".join([f"{self.verdict}  {self.property}", *self.detail.splitlines()])
 
 
 class Skipped(Exception):

@@ -38,8 +38,6 @@ class NewMethodConfig:
 class NewMethod(LearnedReward):
     """What is rewarded, and why that should lead somewhere."""
 
-    idea = "rewards transitions that a model of the world predicts badly"
-    paper = "unpublished"
     Config = NewMethodConfig
 
     # The attributes that checkpoints keep. Each has state_dict and load_state_dict: networks, optimisers, moments. For

@@ -1,6 +1,7 @@
 """Arguments of the commands but `train`, and how they are parsed."""
 
 import io
+import os
 import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -32,7 +33,8 @@ class GridArguments:
     out: Path
     """Folder of the run folders."""
     file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE.yaml]")] = None
-    """Tasks, methods, seeds, preset, robot, options and variants, as docs/grids.md explains; flags override it."""
+    """Tasks, methods, seeds, preset, robot, options and variants, as docs/grids.md in the repository explains; flags
+    override it."""
     tasks: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None
     """Tasks, such as stack2,stack3."""
     methods: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None
@@ -99,7 +101,7 @@ class VideoArguments:
 class TableArguments:
     """Show what methods learned: learned goals, success and cost, with a row a task and method, over its seeds.
 
-    A single run folder gives a line on that run. What each number means: docs/results.md.
+    A single run folder gives a line on that run. What each number means: docs/results.md in the repository.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -122,7 +124,7 @@ class TableArguments:
 class FigureArguments:
     """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
 
-    Each task has its own files, in which a method keeps its colour. docs/figures.md says what each shows.
+    Each task has its own files, in which a method keeps its colour. What each shows: docs/figures.md in the repository.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -178,8 +180,8 @@ class PublishArguments:
 class SubmitCheckArguments:
     """Examine whether runs can stand beside published ones: same tasks, test episodes and options, whole and enough.
 
-    A line a property; each begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
-    little).
+    A line a property, which begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
+    little); below it what was found.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -228,7 +230,7 @@ class NewMethodArguments:
 class CheckArguments:
     """Examine whether a curiosity method keeps the benchmark's rules, a line a property.
 
-    Each line begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
+    Each begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
     """
 
     method: tyro.conf.Positional[str]
@@ -252,6 +254,7 @@ def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default
         if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
             raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
     messages = io.StringIO()
+    tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # which it does not read by itself
     try:
         with redirect_stderr(messages):
             return tyro.cli(kind, prog=f"curiobench {command}", args=list(arguments), default=default)

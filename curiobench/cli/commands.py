@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, NoReturn
 
+from curiobench import terminal
 from curiobench.cli.arguments import (
     CheckArguments,
     EvaluateArguments,
@@ -22,7 +23,8 @@ from curiobench.cli.arguments import (
     VideoArguments,
     parse,
 )
-from curiobench.errors import CheckFailed, Interrupted, RunFailed, one_line
+from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra, one_line
+from curiobench.tasks.registration import check_name
 
 
 def list_choices(_: ListArguments) -> None:
@@ -133,7 +135,6 @@ def new_method(arguments: NewMethodArguments) -> None:
 
 def check(arguments: CheckArguments) -> None:
     """Print what is found in a method; raises CheckFailed, after it, where a property fails."""
-    from curiobench.check.goal_properties import examine_goals
     from curiobench.check.properties import examine
     from curiobench.methods.plugins import file_of
     from curiobench.methods.process import tune_process
@@ -143,7 +144,12 @@ def check(arguments: CheckArguments) -> None:
     if spec.method is None:
         raise ValueError(f"{arguments.method} has no method to check")
     tune_process()
-    findings = examine_goals(spec.method) if spec.reward is None else examine(spec.reward)
+    if spec.reward is None:
+        from curiobench.check.goal_properties import examine_goals  # needs MuJoCo
+
+        findings = examine_goals(spec.method)
+    else:
+        findings = examine(spec.reward)
     _show_findings(f"{spec.method.__name__} in {file_of(spec.method)}", findings, arguments.method)
 
 
@@ -205,34 +211,40 @@ COMMANDS = {
     ),
 }
 
-_SUMMARIES = "\n".join(f"  {name:<10} {command.summary}" for name, command in COMMANDS.items())
-USAGE = f"""usage: curiobench COMMAND [OPTIONS]
+EXIT_CODES = (
+    "Exit codes: 0 done, 1 a run or check failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a "
+    "checkpoint."
+)
 
-Which curiosity method helps a robot arm that is rewarded only at its goal?
 
-{_SUMMARIES}
+def usage() -> str:
+    """The help, as wide as the terminal."""
+    columns = terminal.width()
+    return f"""usage: curiobench COMMAND [OPTIONS]
 
-`curiobench COMMAND --help` explains a command. To begin:
+{terminal.wrapped("Which curiosity method helps a robot arm that is rewarded only at its goal?", columns)}
+
+{terminal.described({name: command.summary for name, command in COMMANDS.items()}, columns)}
+
+{terminal.wrapped("`curiobench COMMAND --help` explains a command. To begin:", columns)}
 
   curiobench train --task stack2 --method sac --preset smoke --out runs/demo
 
-Exit codes: 0 done, 1 a run or check failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a checkpoint."""
+{terminal.wrapped(EXIT_CODES, columns)}"""
 
 
 def run(words: Sequence[str]) -> None:
     """Parse and run one command; without words show the help. Raises ValueError on bad input."""
     name, *words = words or ["--help"]
     if name in ("-h", "--help"):
-        print(USAGE)
+        print(usage())
         return
     if name == "--version":
         from curiobench import __version__
 
         print(f"curiobench {__version__}")
         return
-    if name not in COMMANDS:
-        raise ValueError(f"unknown command {name!r}; the commands are {', '.join(COMMANDS)}")
-    command = COMMANDS[name]
+    command = COMMANDS[check_name("command", name, tuple(COMMANDS))]
     if command.arguments is None:
         from curiobench.cli.train_arguments import parse_train
 
@@ -242,7 +254,7 @@ def run(words: Sequence[str]) -> None:
 
 
 def main() -> NoReturn:
-    """Run the command in `sys.argv` and exit with a code that `USAGE` explains; errors take one line on stderr."""
+    """Run the command in `sys.argv` and exit with a code that `usage` explains; errors take one line on stderr."""
     _prepare_streams()
     try:
         run(sys.argv[1:])
@@ -252,6 +264,8 @@ def main() -> NoReturn:
         sys.exit(128 + signal.SIGPIPE)
     except ValueError as error:
         _exit(error, 2)
+    except ModuleNotFoundError as error:
+        _exit(missing_extra(error), 2)
     except (RunFailed, CheckFailed) as error:
         _exit(error, 1)
     except Interrupted as error:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from curiobench.methods.registry import available_specs, parse_spec
-from curiobench.methods.specs import HYBRID
+from curiobench import terminal
+from curiobench.methods.specs import ALIASES, BUILT_IN, HYBRID, available_specs, installed_methods, split
 from curiobench.presets import PRESET_LINES
 from curiobench.tasks.registration import TASKS, task_spec
 
@@ -23,10 +23,8 @@ def listing() -> str:
         | {f"NAME{HYBRID}": "a method that rewards, under the hybrid policy mechanism (Han et al. 2023)"},
         "presets": PRESET_LINES,
     }
-    return "\n\n".join(
-        "\n".join([f"{title}:", *(f"  {name:<{max(map(len, lines)) + 2}}{line}" for name, line in lines.items())])
-        for title, lines in sections.items()
-    )
+    columns = terminal.width()
+    return "\n\n".join(f"{title}:\n{terminal.described(lines, columns)}" for title, lines in sections.items())
 
 
 def _task_line(task: str) -> str:
@@ -39,13 +37,11 @@ def _task_line(task: str) -> str:
 
 
 def _method_line(spec: str) -> str:
-    """The method's idea and paper; what is wrong with it, where a method of an installed package cannot be loaded."""
-    try:
-        parsed = parse_spec(spec)
-    except ValueError as error:
-        return f"cannot be loaded: {error}"
-    if parsed.method is None:
+    """The method's idea and paper; the class of a method that an installed package provides, which is not imported."""
+    if spec == "sac":
         return "no intrinsic reward: goal-conditioned SAC with hindsight relabelling (Haarnoja et al. 2018)"
-    if parsed.hybrid:
-        return f"{parsed.text.removesuffix(HYBRID)} under the hybrid policy mechanism (Han et al. 2023)"
-    return parsed.method.idea + (f" ({parsed.method.paper})" if parsed.method.paper else "")
+    if spec in ALIASES:
+        return f"{split(ALIASES[spec])[0]} under the hybrid policy mechanism (Han et al. 2023)"
+    if spec in BUILT_IN:
+        return BUILT_IN[spec].line
+    return f"from outside: {' or '.join(installed_methods()[spec])}"

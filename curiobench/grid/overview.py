@@ -1,6 +1,5 @@
 """What a grid shows while it works: a row a cell on a terminal, a line a change elsewhere."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from curiobench import terminal
 from curiobench.display import duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
@@ -105,8 +105,8 @@ class LiveView(View):
 
 
 def view() -> View:
-    """The view for stdout: live on a terminal, else lines."""
-    return LiveView() if sys.stdout.isatty() else PlainView()
+    """The view for stdout: live on a terminal that can, else lines."""
+    return LiveView() if terminal.draws() else PlainView()
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:

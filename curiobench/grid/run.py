@@ -43,7 +43,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         train_cells(cells, launcher, arguments.retries, view())
     finally:
         launcher.close()
-    print(f"all {len(cells)} cells are finished; `curiobench table {arguments.out}` shows them")
+    print(f"all {len(cells)} cells are finished; `curiobench table {shlex.quote(str(arguments.out))}` shows them")
 
 
 def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:

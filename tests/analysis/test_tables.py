@@ -249,7 +249,14 @@ def test_terminal(results):
     assert "3 seeds are too few to conclude" in text
     assert "\x1b" not in text
     assert "\x1b[1m3.7" not in terminal(tables(results), colour=True)  # of three seeds
-    assert all(len(line) <= 60 for line in terminal(tables(results), width=60).splitlines())
+    assert all(len(line) <= 60 for line in terminal([tables(results)[0]], width=60).splitlines())
+
+
+@pytest.mark.parametrize("width", [10, 40, 80])
+def test_a_narrow_terminal_loses_nothing(results, width):
+    made = [*tables(results), run_table(results)]
+    words = sorted(terminal(made).replace("─", " ").split())
+    assert sorted(terminal(made, width).replace("─", " ").split()) == words
 
 
 def test_markdown(results):
@@ -262,6 +269,9 @@ def test_markdown(results):
     assert "| --- | ---: | ---: | ---: | ---: |" in lines
 
 
+LATEX_NAMES = ("learned-goals", "success", "cost")
+
+
 def test_latex_is_escaped_and_balanced(make_runs):
     paths = make_runs(methods=("sac", "a_b.c:D+hm"), success=known)
     results = read_results(paths)
@@ -272,9 +282,14 @@ def test_latex_is_escaped_and_balanced(make_runs):
     for name in ("table", "tabular"):
         assert text.count(rf"\begin{{{name}}}") == text.count(rf"\end{{{name}}}") == 3
     assert text.count(r"\toprule") == text.count(r"\midrule") == text.count(r"\bottomrule") == 3
-    plain = re.sub(r"(?m)^%.*$|\\[%_$&#{}]|\\textgreater\{\}", "", text)
+    fitted = text.replace(r"\width>\linewidth", "").replace("{%\n", "{\n")
+    plain = re.sub(r"(?m)^%.*$|\\[%_$&#{}]|\\textgreater\{\}", "", fitted)
     assert not re.search(r"[%_$#<>]", plain)
     assert plain.count("{") == plain.count("}")
+    assert re.findall(r"\\label\{(.*?)\}", text) == [
+        f"tab:stack2-{name}" for name in ("learned-goals", "success", "cost")
+    ]
+    assert text.count(r"\resizebox") == 3
     for table in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\bottomrule", text, re.DOTALL):
         assert {line.count(" & ") + 1 for line in table[1].splitlines() if "&" in line} == {len(table[0])}
 

@@ -205,7 +205,7 @@ def test_a_method_that_does_not_run_is_not_examined_further():
             raise KeyError("blocks")
 
     first, *others = examine(Raising)
-    assert str(first) == "FAIL  is built, rewards and learns: expected no error, found KeyError: 'blocks'"
+    assert str(first) == "FAIL  is built, rewards and learns\n      expected no error, found KeyError: 'blocks'"
     assert {finding.verdict for finding in others} == {"skip"}
     assert len(others) == len(PROPERTIES) + 1
 

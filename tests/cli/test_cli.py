@@ -1,15 +1,22 @@
 """The command line as a user meets it: exit codes, one line an error, help without heavy imports."""
 
+import fcntl
 import os
+import pty
 import re
 import shlex
+import shutil
+import struct
 import subprocess
 import sys
+import termios
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from curiobench.methods.registry import GOAL_METHODS, REWARDS
+from curiobench.cli.commands import COMMANDS
+from curiobench.methods.specs import BUILT_IN
 
 
 def run(*arguments):
@@ -19,17 +26,26 @@ def run(*arguments):
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("command", ["", "train", "grid", "table", "report"])
-def test_help_imports_neither_torch_nor_mujoco(command):
-    arguments = ["curiobench", *command.split(), "--help"]
-    program = (
-        f"import sys; from curiobench.cli import main; sys.argv = {arguments}\n"
-        "try: main()\nexcept SystemExit as e: code = e.code\n"
-        "print(code, sorted({'torch', 'mujoco', 'matplotlib', 'pandas', 'ray', 'yaml'} & set(sys.modules)))"
-    )
-    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert output.endswith("0 []\n")
-    assert "usage: curiobench" in output
+@pytest.mark.parametrize(
+    ("commands", "names"),
+    [
+        (["--help", "--version", "list", *(f"{name} --help" for name in COMMANDS)], ["pandas", "matplotlib", "yaml"]),
+        (["table v1", "submit-check v1", "report v1"], []),
+    ],
+    ids=["help", "results"],
+)
+def test_what_trains_nothing_needs_neither_torch_nor_mujoco(tmp_path, commands, names):
+    program = f"""
+import sys
+from curiobench.cli import main
+for command in {commands}:
+    sys.argv = ["curiobench", *command.split()]
+    try: main()
+    except SystemExit as ended: assert ended.code == 0, command
+print(*{{"torch", "mujoco", "dm_control", "numba", "ray", *{names}}} & set(sys.modules), file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "\n")
 
 
 def test_a_reader_that_goes_away_gets_no_traceback():
@@ -62,8 +78,7 @@ def test_list_shows_all_that_can_be_trained(cli):
     for word in ("stack2", "35 goals", "gripper", "sac", "paper", "laptop", "smoke"):
         assert word in out
     lines = dict(line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  "))
-    for name, method in (REWARDS | GOAL_METHODS).items():
-        assert lines[name] == f"{method.idea} ({method.paper})"
+    assert {name: lines[name] for name in BUILT_IN} == {name: method.line for name, method in BUILT_IN.items()}
     assert lines["mihm"] == "mi under the hybrid policy mechanism (Han et al. 2023)"
     assert lines["NAME+hm"] == "a method that rewards, under the hybrid policy mechanism (Han et al. 2023)"
     assert "(Haarnoja et al. 2018)" in lines["sac"]
@@ -72,7 +87,7 @@ def test_list_shows_all_that_can_be_trained(cli):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["trian"], "unknown command 'trian'"),
+        (["trian"], "unknown command 'trian': did you mean 'train'? the commands are list, train"),
         (["train", "--task", "stack9", "--out", "/tmp/none"], "unknown task 'stack9'"),
         (["train", "--worlds", "-3", "--out", "/tmp/none"], "worlds is -3"),
         (["train", "--preset", "smoke", "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
@@ -89,6 +104,48 @@ def test_bad_input_takes_one_line_and_exit_code_2(cli, arguments, message):
     assert (code, out) == (2, "")
     assert re.fullmatch(r"curiobench: [^\n]+\n", err)
     assert message in err
+
+
+@pytest.mark.parametrize("columns", [40, 80])
+@pytest.mark.parametrize("command", ["--help", "list"])
+def test_what_is_told_fits_the_terminal(cli, monkeypatch, columns, command):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    _, out, _ = cli(command)
+    assert all(
+        len(line) <= columns for line in out.splitlines() if not line.startswith(("  curiobench train", "usage"))
+    )
+
+
+def test_a_command_to_paste_is_quoted(cli, finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "my run")
+    _, _, err = cli("train", "--out", tmp_path / "my run", "--resume")
+    assert f"`curiobench table '{tmp_path}/my run'` shows its result" in err
+
+
+@pytest.mark.parametrize("variable", ["NO_COLOR=1", "TERM=dumb"])
+@pytest.mark.parametrize("command", ["table --help", "table v1"])
+def test_terminals_without_colour_get_no_codes(variable, command):
+    shown = on_terminal({"TERM": "xterm", "NO_COLOR": None}, command)
+    assert b"\x1b" in shown
+    plain = on_terminal({"TERM": "xterm"} | dict([variable.split("=")]), command)
+    assert b"\x1b" not in plain
+    assert re.sub(rb"\x1b\[[\d;]*m", b"", shown).split() == plain.split()
+
+
+def on_terminal(variables, command):
+    """What a command shows on a terminal of 80 columns."""
+    ours, its = pty.openpty()
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    environment = {name: value for name, value in (os.environ | variables).items() if value is not None}
+    command = [sys.executable, "-m", "curiobench", *command.split()]
+    with subprocess.Popen(command, stdout=its, stderr=its, env=environment):
+        os.close(its)
+        shown = b""
+        with suppress(OSError):  # which Linux raises at the end
+            while part := os.read(ours, 65536):
+                shown += part
+    os.close(ours)
+    return shown
 
 
 def test_evaluate_and_table_of_a_run(cli, finished):

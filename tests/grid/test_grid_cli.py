@@ -45,14 +45,15 @@ def test_a_dry_run_shows_states_and_commands_and_starts_nothing(cli, tmp_path):
 
 
 def test_a_grid_of_one_real_cell(cli, tmp_path):
+    folder = tmp_path / "a grid"
     options = "epochs=1,cycles=1,worlds=2,updates=2,batch-size=8,episodes-per-goal=1"
     flags = ["--tasks", "stack2", "--methods", "sac", "--seeds", "1", "--preset", "smoke", "--options", options]
-    code, out, err = cli("grid", *flags, "--out", tmp_path)
+    code, out, err = cli("grid", *flags, "--out", folder)
     assert (code, err) == (0, ""), out
     assert re.search(r"stack2-sac-0: finished, \d/4 goals learned", out)
-    assert "all 1 cells are finished" in out
-    recorded = json.loads((tmp_path / "stack2-sac-0" / "config.json").read_text())["command"]
+    assert f"all 1 cells are finished; `curiobench table '{folder}'` shows them" in out
+    recorded = json.loads((folder / "stack2-sac-0" / "config.json").read_text())["command"]
     assert recorded[:4] == ["curiobench", "train", "--task", "stack2"]
-    code, out, _ = cli("grid", *flags, "--out", tmp_path)
+    code, out, _ = cli("grid", *flags, "--out", folder)
     assert code == 0
     assert "started" not in out

@@ -17,6 +17,7 @@ from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import REWARDS, make_agent
 from curiobench.methods.reward import Transitions
+from curiobench.methods.specs import BUILT_IN
 
 every_method = pytest.mark.parametrize("spec", REWARDS)
 
@@ -111,8 +112,7 @@ def test_goals_matter_to_those_that_use_the_policy_alone(spec):
 @every_method
 def test_method_and_settings_are_described(spec):
     cls = REWARDS[spec]
-    assert cls.idea.startswith("rewards ")
-    assert "20" in cls.paper
+    assert re.fullmatch(r"rewards [^()]+ \([A-Z].+ 20\d\d, (arXiv|doi) \S+\)", BUILT_IN[spec].line)
     assert is_dataclass(cls.Config)
     with pytest.raises(FrozenInstanceError):
         cls.Config().hidden = 3
@@ -187,7 +187,7 @@ def test_page_gives_the_defaults_and_the_logged_names(spec):
     logged = set(re.findall(rf"^\| `({spec}_\w+)` \| [^|]+ \|$", page, re.MULTILINE))
     adapted = {"adapt_alpha": True} if spec == "dac" else {}
     assert logged == fresh(REWARDS[spec], **adapted).update(random_transitions()).keys()
-    assert REWARDS[spec].paper.split()[-1] in page
+    assert BUILT_IN[spec].line.split()[-1].rstrip(")") in page
 
 
 SEEN = {"positions": [0, 1, 2, 10, 11, 12, 25, 26, 27], "blocks": [10, 11, 12, 25, 26, 27]}

@@ -10,7 +10,7 @@ import torch
 from layouts import SMALL
 from test_sac import random_batch, same_state
 
-from curiobench.methods import plugins
+from curiobench.methods import specs
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.guard import MethodError
 from curiobench.methods.registry import available_specs, make_agent, parse_spec, traced
@@ -69,8 +69,8 @@ def test_built_in_methods_are_not_traced_and_search_nothing():
 
 def test_installed_methods_have_a_name(write, monkeypatch):
     write(MINE)
-    point = EntryPoint("Mine", "outside:Mine", plugins.GROUP)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [point] if group == plugins.GROUP else [])
+    point = EntryPoint("Mine", "outside:Mine", specs.GROUP)
+    monkeypatch.setattr(specs, "entry_points", lambda group: [point] if group == specs.GROUP else [])
     assert {"mine", "mine+hm"} < {*available_specs()}
     assert "outside" not in sys.modules
     found = parse_spec("MINE+hm")
@@ -81,15 +81,15 @@ def test_installed_methods_have_a_name(write, monkeypatch):
 
 
 def test_a_name_that_two_packages_give_is_nobodys(monkeypatch):
-    points = [EntryPoint("mine", value, plugins.GROUP) for value in ("one:Mine", "two:Mine")]
-    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
+    points = [EntryPoint("mine", value, specs.GROUP) for value in ("one:Mine", "two:Mine")]
+    monkeypatch.setattr(specs, "entry_points", lambda group: points)
     with pytest.raises(ValueError, match="'mine': several installed packages provide it: one:Mine, two:Mine"):
         parse_spec("mine")
 
 
 def test_installed_methods_cannot_take_the_place_of_built_in_ones(monkeypatch):
-    points = [EntryPoint(name, "one:Mine", plugins.GROUP) for name in ("sac", "RND", "mihm")]
-    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
+    points = [EntryPoint(name, "one:Mine", specs.GROUP) for name in ("sac", "RND", "mihm")]
+    monkeypatch.setattr(specs, "entry_points", lambda group: points)
     assert len({*available_specs()}) == len(available_specs())
     assert parse_spec("rnd").reward is RND
 

@@ -10,8 +10,8 @@ from test_sac import same_state
 from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.registry import REWARDS, available_specs, make_agent, parse_spec
-from curiobench.methods.specs import ALIASES
+from curiobench.methods.registry import GOAL_METHODS, REWARDS, make_agent, parse_spec
+from curiobench.methods.specs import ALIASES, BUILT_IN, available_specs
 
 HYBRIDS = [spec for spec in available_specs() if parse_spec(spec).hybrid]
 
@@ -30,6 +30,11 @@ def test_every_curiosity_method_has_a_hybrid():
         assert not parse_spec(name).hybrid
         assert type(agent_of(name)) is SAC
         assert type(agent_of(f"{name}+hm")) is HybridAgent
+
+
+def test_built_in_methods_are_named_as_what_they_are():
+    assert list(REWARDS) == [spec for spec, method in BUILT_IN.items() if method.rewards]
+    assert list(GOAL_METHODS) == [spec for spec, method in BUILT_IN.items() if not method.rewards]
 
 
 def test_mihm_is_another_name_and_makes_the_same_config():

@@ -15,8 +15,8 @@ from tiny_runs import TINY, same_state
 from curiobench.analysis import style
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
-from curiobench.methods.registry import available_specs
 from curiobench.methods.reward import Batch
+from curiobench.methods.specs import available_specs
 from curiobench.probe import report
 from curiobench.probe.episodes import KINDS, play_scripts, reference_transitions, transitions
 from curiobench.probe.report import probe

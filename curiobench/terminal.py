@@ -1,0 +1,44 @@
+"""Text for terminals of any width. What has to be pasted, such as a path or a command, is never broken."""
+
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Mapping
+
+ROOM = 30
+"""Columns that a description needs beside its name; with fewer it stands below."""
+
+
+def draws() -> bool:
+    """Whether output goes to a terminal that understands control codes."""
+    return sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def width() -> int | None:
+    """Columns of the terminal, or what the variable COLUMNS says; None where output is no terminal's."""
+    return shutil.get_terminal_size((0, 0)).columns or None
+
+
+def wrapped(text: str, columns: int | None, first: str = "", rest: str = "") -> str:
+    """Text broken between words, its lines indented by `first` and `rest`; one line where `columns` is None."""
+    if columns is None:
+        return first + text
+    return textwrap.fill(
+        text,
+        columns,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def described(lines: Mapping[str, str], columns: int | None) -> str:
+    """A name and its description a line, the names indented by two."""
+    left = max(map(len, lines)) + 4
+    if columns is None or columns >= left + ROOM:
+        shown = (wrapped(text, columns, f"  {name:<{left - 2}}", " " * left) for name, text in lines.items())
+    else:
+        shown = (f"  {name}\n{wrapped(text, columns, ' ' * 4, ' ' * 4)}" for name, text in lines.items())
+    return "\n".join(shown)
