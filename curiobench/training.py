@@ -13,6 +13,7 @@ from curiobench.config import RunConfig
 from curiobench.display import Display, check_tensorboard
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
+from curiobench.files import utf8
 from curiobench.methods.guard import MethodError
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
@@ -169,7 +170,7 @@ def _kept(out: Path) -> str:
     """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
     kept = "; the last checkpoint is kept" if (out / CHECKPOINT).exists() else ""
     with suppress(OSError):
-        (out / "error.log").write_text(traceback.format_exc())
+        (out / "error.log").write_bytes(utf8(traceback.format_exc()))
         return f"{kept}; details in {out / 'error.log'}"
     return kept
 

@@ -128,7 +128,7 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
     """
     with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
-        with open(out / ".grid.lock", "a") as lock:
+        with open(out / ".grid.lock", "a", encoding="utf-8") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
             record = read_record(out)
             entries = {entry["folder"]: entry for entry in record["cells"]}
