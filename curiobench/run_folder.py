@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
+from curiobench.errors import pasted
 from curiobench.files import now, read_json, sync, write_json, writing_to
 from curiobench.versions import versions
 
@@ -100,7 +101,9 @@ class RunFolder(AbstractContextManager):
         begun = read_config(self.path, {self.config.method})
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
-            raise ValueError(f"{self.path} is already finished; `curiobench table {self.path}` shows its result")
+            raise ValueError(
+                f"{self.path} is already finished; `curiobench table {pasted(self.path)}` shows its result"
+            )
         if found := obstacles(begun, self.config):
             raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         if longer:

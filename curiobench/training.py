@@ -161,9 +161,9 @@ class Run:
 
 
 def _changed_versions(path: Path, method: str) -> str:
-    """Versions that differ from those that the run was started under, as text; empty if none does."""
+    """Versions that differ from those that the run was started under, if it recorded them, as text; empty if none."""
     then, now = read_record(path)["versions"], versions(method)
-    return ", ".join(f"{name} {now[name]}, was {then.get(name)}" for name in now if then.get(name) != now[name])
+    return ", ".join(f"{name} {now[name]}, was {then[name]}" for name in now if then.get(name, now[name]) != now[name])
 
 
 def _kept(out: Path) -> str:
