@@ -19,12 +19,8 @@ OPTIONS = {
 }
 """Options of the run `finished`."""
 TRAIN = (
-    "train",
-    "--task",
-    "stack2",
-    "--preset",
-    "smoke",
-    *(w for option in OPTIONS.items() for w in flags_of(*option)),
+    *("train", "--task", "stack2", "--preset", "smoke"),
+    *(word for option in OPTIONS.items() for word in flags_of(*option)),
 )
 """Trains that run; `--out` is lacking."""
 GRID = (
