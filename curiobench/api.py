@@ -98,7 +98,7 @@ class Run:
     def result(self) -> dict[str, Any] | None:
         """The last evaluation in short and what the run cost; None where it is not finished."""
         path = self.path / "result.json"
-        return json.loads(path.read_text()) if path.exists() else None
+        return json.loads(path.read_bytes()) if path.exists() else None
 
     def agent(self) -> Agent:
         """The agent of the newest checkpoint. Raises ValueError where there is none."""

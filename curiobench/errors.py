@@ -1,6 +1,8 @@
 """How a run ends early: errors, and requests to stop."""
 
+import shlex
 import signal
+from pathlib import Path
 from types import FrameType
 from typing import Self
 
@@ -59,6 +61,12 @@ class StopRequest:
     def __exit__(self, *exception: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
+
+
+def pasted(path: Path) -> str:
+    """A path as a shell understands it in a command."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def one_line(message: object) -> str:

@@ -1,5 +1,6 @@
 """Files written atomically: after a kill at any moment there is the old file or the new one."""
 
+import errno
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -7,6 +8,9 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
+
+_NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
+"""What fsync answers on file systems without it, such as some network ones."""
 
 
 def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -19,7 +23,7 @@ def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
         with open(partial, "wb") as file:
             write(file)
             file.flush()
-            os.fsync(file.fileno())
+            sync(file.fileno())
         os.replace(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
@@ -31,9 +35,18 @@ def sync_folder(folder: Path) -> None:
     """Make renames in a folder survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(descriptor)
+        sync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def sync(descriptor: int) -> None:
+    """Wait until a file is on its disk, where the file system can tell; raises OSError where it cannot be written."""
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
 
 
 @contextmanager
@@ -53,7 +66,12 @@ def now() -> str:
 def write_json(path: Path, values: Any) -> None:
     """Replace a file by plain values as JSON; raises ValueError on NaN or infinity, OSError as `replace_file`."""
     text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False)
-    replace_file(path, lambda file: file.write(text.encode() + b"\n"))
+    replace_file(path, lambda file: file.write(utf8(text + "\n")))
+
+
+def utf8(text: str) -> bytes:
+    r"""Text as UTF-8. A byte of a path that is none, such as 0xff, becomes `\udcff`, which JSON reads back."""
+    return text.encode(errors="backslashreplace")
 
 
 def read_json(path: Path) -> dict[str, Any]:

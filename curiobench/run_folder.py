@@ -4,7 +4,6 @@ import csv
 import fcntl
 import io
 import os
-import shlex
 import shutil
 import time
 from collections.abc import Container, Sequence
@@ -13,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
-from curiobench.files import now, read_json, write_json, writing_to
+from curiobench.errors import pasted
+from curiobench.files import now, read_json, sync, write_json, writing_to
 from curiobench.versions import versions
 
 FORMAT = "curiobench run"
@@ -101,8 +101,9 @@ class RunFolder(AbstractContextManager):
         begun = read_config(self.path, {self.config.method})
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
-            shown = f"curiobench table {shlex.quote(str(self.path))}"
-            raise ValueError(f"{self.path} is already finished; `{shown}` shows its result")
+            raise ValueError(
+                f"{self.path} is already finished; `curiobench table {pasted(self.path)}` shows its result"
+            )
         if found := obstacles(begun, self.config):
             raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
         if longer:
@@ -151,17 +152,17 @@ class RunFolder(AbstractContextManager):
         text = io.StringIO(newline="")
         writer = csv.DictWriter(text, names, lineterminator="\n")
         if path.exists() and path.stat().st_size:
-            with open(path, newline="") as file:
+            with open(path, encoding="utf-8", newline="") as file:
                 header = next(csv.reader(file))
             if header != names:
                 raise ValueError(f"{path} has the columns {header}; the new row has {names}")
         else:
             writer.writeheader()
         writer.writerows(rows)
-        with open(path, "a") as file:
+        with open(path, "a", encoding="utf-8") as file:
             file.write(text.getvalue())
             file.flush()
-            os.fsync(file.fileno())
+            sync(file.fileno())
 
     def csv_sizes(self) -> dict[str, int]:
         """Bytes in each csv file, for the checkpoint."""
@@ -194,7 +195,7 @@ class RunFolder(AbstractContextManager):
 
 def _lock(path: Path) -> io.TextIOWrapper:
     """An open, locked file. The lock ends with the process, however that ends."""
-    file = open(path, "a+")  # noqa: SIM115 - stays open as long as the folder
+    file = open(path, "a+", encoding="utf-8")  # noqa: SIM115 - stays open as long as the folder
     for attempt in range(_LOCK_ATTEMPTS):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -216,7 +217,7 @@ def _lock(path: Path) -> io.TextIOWrapper:
 def is_locked(path: Path) -> bool:
     """Whether a process trains in a run folder."""
     try:
-        with open(path / _LOCK) as file:
+        with open(path / _LOCK, encoding="utf-8") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
@@ -271,5 +272,5 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """Rows of a csv file of a run, as text by column; none where it does not exist yet."""
     if not path.exists():
         return []
-    with open(path, newline="") as file:
+    with open(path, encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))

@@ -74,7 +74,7 @@ class Counters:
 def _peak_memory_mb() -> float:
     """Largest resident memory of this process so far, in MB."""
     status = Path("/proc/self/status")
-    lines = status.read_text().splitlines() if status.exists() else []
+    lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
     for line in lines:
         if line.startswith("VmHWM:"):  # the resource module would also count the process that started this one
             return int(line.split()[1]) / 1024
@@ -252,7 +252,7 @@ def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str,
 def machine() -> str:
     """Processor model and number of cores."""
     cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    lines = cpuinfo.read_text(encoding="utf-8").splitlines() if cpuinfo.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores"
 

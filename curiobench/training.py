@@ -13,6 +13,7 @@ from curiobench.config import RunConfig
 from curiobench.display import Display, check_tensorboard
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
+from curiobench.files import utf8
 from curiobench.methods.guard import MethodError
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
@@ -160,16 +161,16 @@ class Run:
 
 
 def _changed_versions(path: Path, method: str) -> str:
-    """Versions that differ from those that the run was started under, as text; empty if none does."""
+    """Versions that differ from those that the run was started under, if it recorded them, as text; empty if none."""
     then, now = read_record(path)["versions"], versions(method)
-    return ", ".join(f"{name} {now[name]}, was {then.get(name)}" for name in now if then.get(name) != now[name])
+    return ", ".join(f"{name} {now[name]}, was {then[name]}" for name in now if then.get(name, now[name]) != now[name])
 
 
 def _kept(out: Path) -> str:
     """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
     kept = "; the last checkpoint is kept" if (out / CHECKPOINT).exists() else ""
     with suppress(OSError):
-        (out / "error.log").write_text(traceback.format_exc())
+        (out / "error.log").write_bytes(utf8(traceback.format_exc()))
         return f"{kept}; details in {out / 'error.log'}"
     return kept
 

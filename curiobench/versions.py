@@ -1,5 +1,6 @@
 """Versions of all that decides the numbers of a run, for its record."""
 
+import os
 import platform
 import subprocess
 from importlib.metadata import version
@@ -9,20 +10,30 @@ from curiobench.protocol import EVALUATION_SEED
 from curiobench.tasks.registration import TASK_VERSION
 
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
-"""Packages whose versions decide the numbers of a run, with Python's own."""
+"""Packages whose versions decide the numbers of a run, with Python's own, as tables compare them."""
+_YOUNGER = ("numba",)
+"""Others that do, which older runs did not record."""
+ENVIRONMENT = (
+    *("ATEN_CPU_CAPABILITY", "DNNL_MAX_CPU_ISA", "ONEDNN_MAX_CPU_ISA", "MKL_CBWR", "MKL_ENABLE_INSTRUCTIONS"),
+    *("NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES", "OPENBLAS_CORETYPE"),
+    *("NUMBA_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_DISABLE_JIT", "NUMBA_OPT"),
+)
+"""Environment variables by which those packages choose their code, and with it the last bits of numbers."""
 
 
 def versions(method: str) -> dict[str, str | int | None]:
-    """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, and
-    the git commit of this package if it has any.
+    """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, the
+    variables of `ENVIRONMENT` that are set, and the git commit of this package if it has any.
 
     Where the method spec `method` is of a method from outside, also that method's file and its digest.
     """
     from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
 
-    packages = {name: version(name) for name in PACKAGES}
+    packages = {name: version(name) for name in (*PACKAGES, *_YOUNGER)}
     protocol = {"task_version": TASK_VERSION, "evaluation_seed": EVALUATION_SEED}
-    return {"python": platform.python_version(), **packages, **protocol, "git_commit": git_commit()} | traced(method)
+    environment = " ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT if os.environ.get(name))
+    own = {"environment": environment, "git_commit": git_commit()}
+    return {"python": platform.python_version(), **packages, **protocol, **own, **traced(method)}
 
 
 def git_commit() -> str | None:

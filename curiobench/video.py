@@ -1,11 +1,13 @@
 """Films of an agent at work, without a screen."""
 
 import re
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from curiobench.config import RunConfig
+from curiobench.files import replace_file
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.rollout import play, policy
 from curiobench.tasks import BatchedStacking
@@ -61,11 +63,16 @@ def _write(path: Path, frames: np.ndarray) -> None:
         import imageio.v3 as imageio
     except ImportError:
         raise ValueError("videos need the extra `video`: pip install 'curiobench[video]'") from None
+    if path.suffix == ".gif":
+        options = {"duration": 1000 * CONTROL_TIMESTEP, "loop": 0}
+    else:
+        options = {"fps": round(1 / CONTROL_TIMESTEP), "macro_block_size": 16}
     try:
+        content = imageio.imwrite("<bytes>", frames, extension=path.suffix, **options)
+        if path.suffix == ".mp4" and b"moov" not in content:  # the index at its end; nobody tells that ffmpeg failed
+            raise OSError(f"ffmpeg wrote no whole video; is there space in {tempfile.gettempdir()}?")
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".gif":
-            imageio.imwrite(path, frames, duration=1000 * CONTROL_TIMESTEP, loop=0)
-        else:
-            imageio.imwrite(path, frames, fps=round(1 / CONTROL_TIMESTEP), macro_block_size=16)
+        replace_file(path, lambda file: file.write(content))
     except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
+        why = (error.strerror or str(error)).splitlines()[0]  # imageio appends what ffmpeg printed
+        raise ValueError(f"cannot write {path}: {why}") from None

@@ -35,12 +35,12 @@ def quota(root: Path = Path("/sys/fs/cgroup"), membership: Path = Path("/proc/se
         root: where control groups are mounted.
         membership: the file that names this process's own.
     """
-    lines = membership.read_text().splitlines() if membership.exists() else []
+    lines = membership.read_text(encoding="utf-8").splitlines() if membership.exists() else []
     own = next((line.removeprefix("0::/") for line in lines if line.startswith("0::/")), "")
     limits = []
     for group in (root / own, *(root / own).parents):
         with suppress(OSError, ValueError):
-            most, period = map(int, (group / "cpu.max").read_text().split())  # "max 100000" is no number
+            most, period = map(int, (group / "cpu.max").read_bytes().split())  # "max 100000" is no number
             limits.append(max(1, math.ceil(most / period)))
         if group == root:
             break

@@ -58,7 +58,7 @@ def main() -> None:
         seed=options.seed,
     )
     evaluator, trained, steps = Evaluator(options.task, "gripper", episodes_per_goal=25), 0.0, 0
-    with open(options.out, "w", newline="") as file:
+    with open(options.out, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["minutes", "steps", "updates", "goal", "layer", "success"])
         for test in range(1, options.tests + 1):

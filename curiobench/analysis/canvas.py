@@ -1,13 +1,40 @@
 """Figures as files: they need no screen, and the same data gives the same bytes. Training draws its picture by it."""
 
-from collections.abc import Mapping, Sequence
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("pdf", "png", "svg")  # formats that a figure can be saved in
+
+
+def import_matplotlib() -> ModuleType:
+    """matplotlib, also where MPLBACKEND names a backend that it does not know, from which it cannot be imported."""
+    first, backend = "matplotlib" not in sys.modules, os.environ.pop("MPLBACKEND", None)
+    import matplotlib
+
+    if backend is not None:
+        os.environ["MPLBACKEND"] = backend
+        if first:
+            with suppress(ValueError):
+                matplotlib.rcParams["backend"] = backend
+    return matplotlib
+
+
+@contextmanager
+def settings(ours: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """While it lasts, matplotlib has its own defaults and `ours`, whatever a matplotlibrc or the caller has set."""
+    matplotlib = import_matplotlib()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(ours or {})
+        yield
 
 
 def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
@@ -50,6 +77,7 @@ def _print(figure: "Figure", file: Path, suffix: str) -> None:
         FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
 
 
+@settings()
 def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
     """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
     curves: dict[int, dict[int, list[float]]] = {}

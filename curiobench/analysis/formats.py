@@ -16,7 +16,7 @@ from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.summaries import Estimate, Value, summarise
 from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
-from curiobench.files import replace_file
+from curiobench.files import replace_file, utf8
 from curiobench.methods.specs import shown
 from curiobench.terminal import draws, wrapped
 from curiobench.terminal import width as terminal_width
@@ -244,6 +244,6 @@ def write_tables(folder: Path, made: Tables, results: Results) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file, text in files.items():
-            replace_file(folder / file, lambda stream, text=text: stream.write(text.encode()))
+            replace_file(folder / file, lambda stream, text=text: stream.write(utf8(text)))
     except OSError as error:
         raise ValueError(f"cannot write to {folder}: {error.strerror}") from None

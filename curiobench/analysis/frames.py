@@ -230,7 +230,8 @@ def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Folder names, with as much of the path before them as makes them unique."""
+    """Folder names, with as much of the path before them as makes them unique; each on one line, as in errors."""
+    paths = [Path(one_line(path)) for path in paths]
     names = [path.name for path in paths]
     for depth in range(2, 1 + max((len(path.parts) for path in paths), default=0)):
         often = {name for name, times in Counter(names).items() if times > 1}

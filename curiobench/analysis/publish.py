@@ -12,7 +12,7 @@ import pandas as pd
 
 from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, is_published
 from curiobench.analysis.frames import Results, read_results
-from curiobench.files import replace_file, sync_folder
+from curiobench.files import replace_file, sync_folder, utf8
 
 DERIVED = ("tables", "figures", "report.html")  # what is made from the rows, and can be made again
 _OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
@@ -136,7 +136,7 @@ def _frames(results: Results) -> dict[str, pd.DataFrame]:
 
 def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None:
     """Write the rows and configs of a set, and their digests."""
-    texts = {name: frame.to_csv(index=False, lineterminator="\n").encode() for name, frame in _frames(results).items()}
+    texts = {name: utf8(frame.to_csv(index=False, lineterminator="\n")) for name, frame in _frames(results).items()}
     data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
     data |= {f"{CONFIGS}/{run}.json": content for run, content in configs.items()}
     sums = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(data.items()))

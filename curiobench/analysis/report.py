@@ -25,7 +25,7 @@ from curiobench.analysis.report_data import (
 from curiobench.analysis.samples import LOGGED, task_samples
 from curiobench.analysis.summaries import summarise
 from curiobench.analysis.tables import method_tables
-from curiobench.files import replace_file
+from curiobench.files import replace_file, utf8
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -63,7 +63,7 @@ def write_report(
     results = read_results(paths, partial, False, LOGGED, processes)
     if results.runs.empty:
         raise ValueError("; ".join(["no run to report on", *results.faults]))
-    page = render(results, title, check_baseline(results, baseline), processes).encode()
+    page = utf8(render(results, title, check_baseline(results, baseline), processes))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_file(out, lambda file: file.write(page))
@@ -84,7 +84,7 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
         faults=results.faults,
         baseline=baseline,
         compared=len(methods) > 1 and baseline in methods,
-        tables=[shown_table(table, opening) for table in method_tables(summarise(tasks, baseline), baseline)],
+        tables=[shown_table(table, opening, samples) for table in method_tables(summarise(tasks, baseline), baseline)],
         figures=pictures(results, processes),
         tasks=[goal_cards(task) for task in tasks],
         options=options(samples),
@@ -103,7 +103,9 @@ def _page() -> "Template":
 
     loader = PackageLoader("curiobench.analysis", "page")
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
-    style, script = ((files("curiobench.analysis") / "page" / name).read_text() for name in ("page.css", "page.js"))
+    style, script = (
+        (files("curiobench.analysis") / "page" / name).read_text("utf-8") for name in ("page.css", "page.js")
+    )
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals |= {"style": Markup(style), "script": Markup(script), "script_digest": digest}
     return environment.get_template("page.html.j2")

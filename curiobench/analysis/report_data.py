@@ -14,7 +14,7 @@ from curiobench.analysis.frames import Results
 from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
-from curiobench.analysis.style import count, line_style, seeds_in_words
+from curiobench.analysis.style import count, seeds_in_words
 from curiobench.analysis.summaries import Estimate, Value
 from curiobench.analysis.tables import Column, Table
 from curiobench.options import flatten
@@ -136,11 +136,12 @@ class Entry(NamedTuple):
     look: str = ""  # CSS of a sample of its method's bars
 
 
-def shown_table(table: Table, elsewhere: Sequence[str]) -> dict[str, Any]:
-    """A table for the template, without the notes that the page has `elsewhere`."""
+def shown_table(table: Table, elsewhere: Sequence[str], samples: Sequence[Sample]) -> dict[str, Any]:
+    """A table of samples for the template, without the notes that the page has `elsewhere`."""
+    looks = {sample.method: _look(sample) for sample in samples}
     best = {column.key: table.best(column) for column in table.columns}
     rows = [
-        [_entry(row.get(column.key), column, best[column.key] == place) for column in table.columns]
+        [_entry(row.get(column.key), column, best[column.key] == place, looks) for column in table.columns]
         for place, row in enumerate(table.rows)
     ]
     of_columns = zip(table.columns, zip(*rows, strict=True), strict=True)
@@ -152,21 +153,21 @@ def shown_table(table: Table, elsewhere: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _entry(value: Value, column: Column, best: bool) -> Entry:
+def _entry(value: Value, column: Column, best: bool, looks: Mapping[str, str]) -> Entry:
     if value is None or value != value:
         return Entry(MISSING, "")
     if isinstance(value, str):
         if column.key == "epochs_to_good":
             return Entry(value, value.partition(" ")[0], True)
-        return Entry(value, value, look=_look(value) if column.key == "method" else "")
+        return Entry(value, value, look=looks[value] if column.key == "method" else "")
     number = value.value if isinstance(value, Estimate) else value
     text, interval = number_and_interval(value, column.digits)
     return Entry(text, repr(float(number)), True, interval, best)
 
 
-def _look(method: str) -> str:
+def _look(sample: Sample) -> str:
     """CSS of a method's bars: filled in its colour, hatched where its line is dashed."""
-    style = line_style(method)
+    style = sample.look
     # a black line could not be seen on a dark page
     colour = "var(--ink)" if style["color"] == "#000000" else style["color"]
     return f"--bar: {colour}" + ("; --gap: 2px" if style["linestyle"] == "--" else "")
@@ -191,7 +192,7 @@ def _bar(sample: Sample, goal: int) -> dict[str, Any]:
     """Final success of a sample on a goal: mean, smallest and largest of its seeds, and how many learned the goal."""
     success, learned = sample.goal_success[:, goal], sample.goal_learned[:, goal]
     numbers = {"mean": success.mean(), "low": success.min(), "high": success.max(), "learned": int(learned.sum())}
-    return {"label": sample.label, "look": _look(sample.method), "seeds": sample.n_seeds, **numbers}
+    return {"label": sample.label, "look": _look(sample), "seeds": sample.n_seeds, **numbers}
 
 
 @cache

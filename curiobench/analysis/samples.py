@@ -10,6 +10,7 @@ import pandas as pd
 from curiobench.analysis.frames import Results, place_of
 from curiobench.analysis.options import scale_of
 from curiobench.analysis.statistics import area_under_curve
+from curiobench.analysis.style import line_styles
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
 GOOD_SUCCESS = 0.8  # mean success over all goals from which a run counts as good; tables have how soon it is there
@@ -39,6 +40,7 @@ class Sample:
     goal_learned: np.ndarray  # (S, G) 1 where that goal is learned, 0 elsewhere
     logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
     """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
+    look: Mapping[str, str]  # its method's colour and line style, as keywords of `Axes.plot`
 
     @property
     def n_seeds(self) -> int:
@@ -81,10 +83,11 @@ def task_samples(results: Results) -> list[TaskSamples]:
     """
     if results.runs.empty:
         raise ValueError("no run to draw" + "".join(f"; {fault}" for fault in results.faults))
-    return [_of_task(str(task), runs, results) for task, runs in results.runs.groupby("task")]
+    looks = line_styles(results.runs["method"])
+    return [_of_task(str(task), runs, results, looks) for task, runs in results.runs.groupby("task")]
 
 
-def _of_task(task: str, runs: pd.DataFrame, results: Results) -> TaskSamples:
+def _of_task(task: str, runs: pd.DataFrame, results: Results, looks: Mapping[str, Mapping[str, str]]) -> TaskSamples:
     evaluations, layers, progress = (
         frame[frame["task"] == task] for frame in (results.evaluations, results.layers, results.progress)
     )
@@ -97,7 +100,7 @@ def _of_task(task: str, runs: pd.DataFrame, results: Results) -> TaskSamples:
         curves = _curves(names, layers, list(sizes))
         ends = _ends(names, evaluations, list(goals["bits"]))
         logged = {column: _logged(names, progress, column) for column in LOGGED}
-        samples.append(Sample(task, *key, groups[key], *curves, *ends, logged))
+        samples.append(Sample(task, *key, groups[key], *curves, *ends, logged, looks[key[0]]))
     before = layers[(layers["epoch"] == 0) & (layers["layer"] == 0)]
     return TaskSamples(
         task=task,

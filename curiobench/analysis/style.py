@@ -7,10 +7,11 @@ A curiosity method has one colour, solid with the hybrid mechanism, dashed witho
 import textwrap
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from curiobench.analysis.canvas import import_matplotlib, settings
 from curiobench.methods.specs import BUILT_IN, canonical, split
 
 if TYPE_CHECKING:
@@ -25,8 +26,11 @@ _PALETTE = (
 )
 COLOURS = dict(zip(("sac", *BUILT_IN), _PALETTE, strict=False))
 """Colours of the built-in methods by spec, without `+hm`; those beyond the palette have colours as from outside."""
-OUTSIDE = ("#0072B2", "#7F7F7F")
-"""Colours of methods from outside; the name decides, so that a method keeps its colour from figure to figure."""
+OUTSIDE = (
+    *("#0072B2", "#0000FF", "#00C300", "#FF0FFF", "#FF005A", "#965AFF"),
+    *("#3C4B1E", "#E19678", "#782D0F", "#FF00A5", "#0F7800", "#A596FF"),
+)
+"""Colours of methods from outside: further from those above and from each other than some of those above are."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of the lines that one line is seen against."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
@@ -36,11 +40,25 @@ _MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P
 _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")
 
 
-def line_style(spec: str) -> dict[str, str]:
-    """Colour and line style of a method spec, as keywords of `Axes.plot`."""
-    name, hybrid = split(canonical(spec))
-    colour = COLOURS.get(name) or OUTSIDE[zlib.crc32(name.encode()) % len(OUTSIDE)]
-    return {"color": colour, "linestyle": "-" if hybrid or name == "sac" else "--"}
+def line_styles(specs: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Colour and line style of each method spec among all that are shown together, as keywords of `Axes.plot`."""
+    specs = set(specs)
+    colours = COLOURS | _outside_colours({base(spec) for spec in specs} - COLOURS.keys())
+    return {
+        spec: {"color": colours[name], "linestyle": "-" if hybrid or name == "sac" else "--"}
+        for spec in specs
+        for name, hybrid in [split(canonical(spec))]
+    }
+
+
+def _outside_colours(names: Collection[str]) -> dict[str, str]:
+    """The colour that a name chooses, so that it stays from figure to figure; the next one if another has it."""
+    found: dict[str, str] = {}
+    for name in sorted(names):
+        first = zlib.crc32(name.encode()) % len(OUTSIDE)
+        order = OUTSIDE[first:] + OUTSIDE[:first]
+        found[name] = next((colour for colour in order if colour not in found.values()), order[0])
+    return found
 
 
 def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
@@ -52,7 +70,7 @@ def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
     found: dict[Sample, dict[str, Any]] = {}
     taken: set[tuple[str, str, str]] = set()
     for sample in samples:
-        look = line_style(sample.method)
+        look = sample.look
         own = _MARKERS.get(base(sample.method))
         keys = [(look["color"], look["linestyle"], marker) for marker in ([own] if own else []) + [*_OTHER_MARKERS]]
         key = next((key for key in keys if key not in taken), keys[0])
@@ -106,6 +124,7 @@ def layer_in_words(layer: int) -> str:
 
 def preload() -> None:
     """Import what figures need, which takes a second."""
+    import_matplotlib()
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_pdf  # noqa: F401
     import seaborn  # noqa: F401
@@ -114,7 +133,7 @@ def preload() -> None:
 @contextmanager
 def theme() -> Iterator[None]:
     """Seaborn's theme for paper with our sizes, while it lasts."""
-    import matplotlib
+    import_matplotlib()
     import seaborn
 
     ours = {
@@ -132,7 +151,7 @@ def theme() -> Iterator[None]:
         "text.parse_math": False,  # names of goals and options come from files
     }
     context = seaborn.plotting_context("paper")
-    with matplotlib.rc_context({**seaborn.axes_style("ticks"), **context, **ours}):
+    with settings({**seaborn.axes_style("ticks"), **context, **ours}):
         yield
 
 

@@ -31,7 +31,7 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
                 f"{name}:{class_name} would import another module that is called {name!r}; choose another name"
             )
         folder.mkdir(parents=True, exist_ok=True)
-        with open(path, "x") as file:
+        with open(path, "x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
         if not folder.is_dir():

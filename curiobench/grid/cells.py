@@ -86,7 +86,7 @@ def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -
     options = {"preset": grid.preset, "robot": grid.robot, **grid.options, **grid.variants[variant]}
     flags = [flag for name, value in options.items() for flag in flags_of(name, value)]
     try:
-        config = parse_train(["--task", task, "--method", method, *flags, "--out", str(out)]).config
+        config = parse_train(["--task", task, "--method", method, *flags, *flags_of("out", str(out))]).config
     except ValueError as error:
         raise ValueError(f"{' '.join(filter(None, (task, method, variant)))}: {error}") from None
     method = shown(config.method)
@@ -94,7 +94,7 @@ def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -
     for seed in grid.seeds:
         folder = "-".join(filter(None, (task, folder_name(method), variant, str(seed))))
         axes = ("--task", task, "--method", method, "--seed", str(seed))
-        arguments = (*axes, *flags, "--out", str(out / folder), "--resume")
+        arguments = (*axes, *flags, *flags_of("out", str(out / folder)), "--resume")
         cells.append(Cell(out, folder, method, variant, replace(config, seed=seed), arguments))
     return cells
 
@@ -128,7 +128,7 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
     """
     with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
-        with open(out / ".grid.lock", "a") as lock:
+        with open(out / ".grid.lock", "a", encoding="utf-8") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
             record = read_record(out)
             entries = {entry["folder"]: entry for entry in record["cells"]}

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -96,7 +96,15 @@ def read_definition(path: Path) -> dict[str, Any]:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain values only, and no key twice: YAML would silently take the last one."""
+    """Text, true, false and null, lists and mappings; and no key twice: YAML would silently take the last one.
+
+    Numbers stay text, which is read as on the command line: for YAML 1e-3 is text, 012 is ten and 1:30 is ninety.
+    """
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [(tag, pattern) for tag, pattern in resolvers if tag.rpartition(":")[2] in ("bool", "null")]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
@@ -116,11 +124,17 @@ def _names(value: Any, where: str) -> list[str]:
 
 
 def _seeds(value: Any, where: str) -> list[int]:
-    if type(value) is int:
-        return _first_seeds(value)
-    if not isinstance(value, list) or not all(type(seed) is int for seed in value):
+    seeds = [_whole_number(seed) for seed in (value if isinstance(value, list) else [value])]
+    if None in seeds:
         raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or a list of seeds such as [4, 7]")
-    return value
+    return seeds if isinstance(value, list) else _first_seeds(seeds[0])
+
+
+def _whole_number(value: Any) -> int | None:
+    try:
+        return int(value) if isinstance(value, str) else None
+    except ValueError:
+        return None
 
 
 def _text(value: Any, where: str) -> str:

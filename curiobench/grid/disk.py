@@ -92,13 +92,13 @@ class ProgressReader:
 
 def _whole_rows(path: Path) -> list[dict[str, Any]]:
     """Rows of a csv file that another process may be appending to."""
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
 
 
 def _count_goals(path: Path) -> int | None:
     """Goals in the first evaluation of a run."""
-    with open(path, newline="") as file:
+    with open(path, encoding="utf-8", newline="") as file:
         rows = csv.DictReader(file)
         first = next(rows, None)
         if first is None:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from curiobench.files import now
+from curiobench.files import now, utf8
 from curiobench.workers import quota
 
-PROGRAM = ("-m", "curiobench")
-"""What Python runs, before `train` and its arguments."""
+PROGRAM = ("-P", "-m", "curiobench")
+"""What Python runs, before `train` and its arguments. With -P, files of the working folder take no module's place."""
 
 ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -55,7 +55,7 @@ class Launcher(Protocol):
 def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
     """A log to append to, with a line on what begins now. Unbuffered: two processes may append."""
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
-    log.write(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n".encode())
+    log.write(utf8(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n"))
     return log
 
 
@@ -138,7 +138,7 @@ def physical_cores() -> int:
     for cpu in os.sched_getaffinity(0):
         topology = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology")
         try:
-            cores.add(tuple((topology / name).read_text() for name in ("physical_package_id", "core_id")))
+            cores.add(tuple((topology / name).read_bytes() for name in ("physical_package_id", "core_id")))
         except OSError:
-            cores.add((str(cpu),))
+            cores.add((cpu,))
     return min(len(cores), quota())

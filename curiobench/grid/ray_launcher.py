@@ -64,7 +64,7 @@ class RayJob:
         try:
             return self._ray.get(self._task)
         except self._ray.exceptions.RayTaskError as error:
-            with suppress(OSError), open(self._log, "a") as log:
+            with suppress(OSError), open(self._log, "a", encoding="utf-8") as log:
                 log.write(f"curiobench: the worker cannot start the cell: {error.cause}\n")
             return 1
         except self._ray.exceptions.RayError:

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 
 from curiobench.cli.arguments import GridArguments
-from curiobench.errors import Interrupted, RunFailed, StopRequest
+from curiobench.errors import Interrupted, RunFailed, StopRequest, pasted
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, look
@@ -43,7 +43,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         train_cells(cells, launcher, arguments.retries, view())
     finally:
         launcher.close()
-    print(f"all {len(cells)} cells are finished; `curiobench table {shlex.quote(str(arguments.out))}` shows them")
+    print(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
 
 
 def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:

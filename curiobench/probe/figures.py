@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.analysis.canvas import new_figure, save
-from curiobench.analysis.style import line_style
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played
 from curiobench.probe.scores import ProbedRun, Reading, others
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Looks = Mapping[str, Mapping[str, str]]
+"""Keywords of `Axes.plot` by method spec."""
 STEPS_AFTER = 10
 """Steps shown after the last key moment; the hand rests from then on. numbers.csv has all steps."""
 BANDS = {"controlled lifting": (lifting, "#A8C8E8"), "falling": (falling, "#D8D8D8")}
@@ -38,7 +39,13 @@ REFERENCES = {
 
 
 def draw_rewards(
-    runs: Sequence[ProbedRun], readings: Sequence[Reading], played: Played, seed: int, path: Path, among: Among
+    runs: Sequence[ProbedRun],
+    readings: Sequence[Reading],
+    played: Played,
+    looks: Looks,
+    seed: int,
+    path: Path,
+    among: Among,
 ) -> list[Path]:
     """Draw normalised rewards along the pictured episode of a kind, a line a run; returns the PNG's and PDF's paths."""
     start, moments = played.pictured, played.kind.moments(played.track[played.pictured])
@@ -46,7 +53,7 @@ def draw_rewards(
     axes, strip = figure.subplots(2, 1, height_ratios=(1.5, 1))
     for run, reading in zip(runs, readings, strict=True):
         values = reading.normalised[start]
-        axes.plot(1 + np.arange(len(values)), values, label=run.label, marker=".", **line_style(run.config.method))
+        axes.plot(1 + np.arange(len(values)), values, label=run.label, marker=".", **looks[run.config.method])
     shade(axes, played)
     axes.set_xlabel("step", loc="right")  # out of the way of the lines to the pictures
     axes.set_ylabel("normalised intrinsic reward")
@@ -66,7 +73,11 @@ def draw_rewards(
 
 
 def draw_q_int(
-    runs: Sequence[ProbedRun], readings: Sequence[Sequence[Reading]], played: Sequence[Played], path: Path
+    runs: Sequence[ProbedRun],
+    readings: Sequence[Sequence[Reading]],
+    played: Sequence[Played],
+    looks: Looks,
+    path: Path,
 ) -> list[Path]:
     """Draw both values of curiosity along the pictured episodes, for runs that have them.
 
@@ -74,6 +85,7 @@ def draw_q_int(
         runs: R of them, all with the hybrid mechanism.
         readings: R readings of each kind of episode.
         played: the kinds.
+        looks: of all methods.
         path: of the files, without suffix.
 
     Returns:
@@ -87,7 +99,7 @@ def draw_q_int(
         for axes, member in zip(column, Q_NAMES, strict=True):
             for run, reading in zip(runs, of_kind, strict=True):
                 values = reading.q_int[member][start]
-                axes.plot(1 + np.arange(len(values)), values, label=run.label, **line_style(run.config.method))
+                axes.plot(1 + np.arange(len(values)), values, label=run.label, **looks[run.config.method])
             shade(axes, episodes)
             _finish(axes, moments, episodes.qpos.shape[1] - 1)
         _title(column[0], episodes)

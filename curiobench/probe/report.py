@@ -5,6 +5,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from curiobench.analysis.canvas import settings
+from curiobench.analysis.style import line_styles
 from curiobench.display import align
 from curiobench.files import writing_to
 from curiobench.methods.agents.q_int import MEMBERS
@@ -72,6 +74,7 @@ def _references(runs: Sequence[ProbedRun], seed: int, among: Among) -> list[Batc
     return [reference_transitions(runs[0].config.task, runs[0].config.robot, seed)] * len(runs)
 
 
+@settings()
 def draw(
     runs: Sequence[ProbedRun],
     readings: Sequence[Sequence[Reading]],
@@ -81,13 +84,13 @@ def draw(
     among: Among = "random",
 ) -> list[Path]:
     """Draw all figures; that of Q_int only if a run has it."""
-    files = []
+    files, looks = [], line_styles(run.config.method for run in runs)
     for of_kind, episodes in zip(readings, played, strict=True):
-        files += draw_rewards(runs, of_kind, episodes, seed, out / f"rewards_{episodes.kind.name}", among)
+        files += draw_rewards(runs, of_kind, episodes, looks, seed, out / f"rewards_{episodes.kind.name}", among)
     hybrid = [number for number, reading in enumerate(readings[0]) if reading.q_int]
     if hybrid:
         of_hybrid = [[of_kind[number] for number in hybrid] for of_kind in readings]
-        files += draw_q_int([runs[number] for number in hybrid], of_hybrid, played, out / "q_int")
+        files += draw_q_int([runs[number] for number in hybrid], of_hybrid, played, looks, out / "q_int")
     return files
 
 
@@ -151,7 +154,7 @@ def _step_rows(played: Played) -> Iterator[dict[str, Any]]:
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
-    with open(path, "w", newline="") as file:
+    with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

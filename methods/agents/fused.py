@@ -15,7 +15,15 @@ EPSILON = 1e-5
 """Added to variances in norms."""
 
 # reordered sums, but NaN and infinity as they are: a loss that is not finite must be found
-_compiled = njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
+_OPTIONS = {"fastmath": {"reassoc", "contract", "arcp", "nsz"}, "error_model": "numpy"}
+
+
+def _compiled(function):
+    """The function compiled for each type that it is called with; kept on the disk where there is a place for it."""
+    try:
+        return njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # neither the folder of this file nor the user's own can be written
+        return njit(**_OPTIONS)(function)
 
 
 @_compiled

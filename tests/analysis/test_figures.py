@@ -23,7 +23,7 @@ from curiobench.analysis.figures import KINDS, draw_figures
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import theme
+from curiobench.analysis.style import COLOURS, OUTSIDE, line_styles, theme
 
 LONG = "my_lab.curiosity:SomethingLong+hm"
 NINE = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
@@ -172,12 +172,16 @@ def test_a_method_looks_the_same_in_every_figure(drawn):
     assert all_lines["icm"].get_color() == all_lines["icm+hm"].get_color()
 
 
-def test_methods_from_outside_of_one_colour_have_other_markers(drawn):
-    names = [f"lab:Class{i}" for i in range(5)]  # more than there are colours for them
-    looks = [
-        (line.get_color(), line.get_marker()) for line in lines(drawn(draw_learned, methods=names)[0].axes[0]).values()
-    ]
-    assert len(set(looks)) == 5
+def test_every_method_from_outside_has_a_colour_of_its_own_that_stays(samples):
+    names = [f"lab:Class{i}" for i in range(len(OUTSIDE))]
+    colours = {sample.method: sample.look["color"] for sample in samples(methods=["sac", *names]).samples}
+    assert len(set(colours.values())) == len(names) + 1
+    assert not {colours[name] for name in names} & set(COLOURS.values())
+    alone = [line_styles([name])[name]["color"] for name in names]
+    assert len(set(alone)) > 1
+    assert line_styles([names[0], "icm"])[names[0]]["color"] == alone[0]
+    assert line_styles(["lab:Class0+hm", names[0]])["lab:Class0+hm"]["color"] == alone[0]
+    assert len(line_styles([*names, "lab:OneMore"])) == len(names) + 1
 
 
 def test_share_of_the_exploitation_policy(samples):

@@ -12,6 +12,7 @@ from curiobench.cli.arguments import GridArguments, parse
 from curiobench.cli.train_arguments import parse_train
 from curiobench.grid.cells import NAME, cells_of, folder_name, read_record, write_record
 from curiobench.grid.definition import Grid, define, read_definition
+from curiobench.options import flatten
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "ablation.yaml"
 
@@ -49,8 +50,8 @@ def test_flags_override_the_file(yaml):
         [5],
         "smoke",
         "gripper",
-        {"epochs": "9", "batch-size": 8, "machine.tensorboard": True},
-        {"wide": {"sac.hidden": 128}, "base": {}},
+        {"epochs": "9", "batch-size": "8", "machine.tensorboard": True},
+        {"wide": {"sac.hidden": "128"}, "base": {}},
     )
 
 
@@ -63,18 +64,19 @@ def test_flags_override_the_file(yaml):
         ("options: {batch-size: 1, batch_size: 2}", "the option 'batch-size' is there twice"),
         ("task: stack2", "unknown key 'task'; the keys are tasks, methods, seeds"),
         ("tasks: stack2", "tasks is 'stack2'; expected a list of names"),
-        ("methods: [1]", "methods is a list; expected a list of names"),
-        ("seeds: 1.5", "seeds is 1.5; expected a number of seeds"),
+        ("methods: [no]", "methods is a list; expected a list of names"),
+        ("seeds: 1.5", "seeds is '1.5'; expected a number of seeds"),
+        ("seeds: 1:30", "seeds is '1:30'; expected"),
+        ("seeds: [0x10]", "seeds is a list; expected"),
         ("seeds: true", "seeds is True; expected"),
         ("preset: [laptop]", "preset is a list"),
         ("options: [epochs]", "options is a list; expected keys with values"),
         ("options: {sac: {gamma: 1}}", "options: sac is a mapping; expected a number"),
-        ("options: {epochs: 2026-01-01}", "epochs is datetime.date(2026, 1, 1); expected a number"),
-        ("options: {1: 2}", "the key 1 is 1; put it in quotes"),
+        ("options: {on: 2}", "the key True is True; put it in quotes"),
         ("variants: {../up: {}}", "variant '../up': a name is made of"),
         ("variants: {.hidden: {}}", "variant '.hidden'"),
         ("variants: {}", "variants is empty"),
-        ("variants: {a: 1}", "variant a is 1; expected keys with values"),
+        ("variants: {a: 1}", "variant a is '1'; expected keys with values"),
         ("- a", "the file is a list"),
         ("", "the file is empty"),
         ('seeds: !!int ""', "cannot read"),
@@ -92,6 +94,42 @@ def test_a_faulty_file_takes_one_line(yaml, text, message):
     with pytest.raises(ValueError, match=re.escape(message)) as refused:
         read_definition(path)
     assert str(path) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+NUMBERS = {
+    **{"sac.learning-rate": ("1e-3", 1e-3), "sac.gamma": (".5", 0.5), "sac.polyak": ("5.0e-2", 0.05)},
+    **{"epochs": ("012", 12), "batch-size": ("1_000", 1000), "worlds": ("+8", 8)},
+    **{
+        "machine.tensorboard": ("yes", True),
+        "replay.satisfied-cap": ("~", None),
+        "sac.tune-temperature": ("off", False),
+    },
+}
+
+
+def test_a_number_in_a_file_is_what_the_command_line_would_read(yaml, tmp_path):
+    path = yaml("seeds: [1, 012]\noptions:\n" + "".join(f"  {name}: {text}\n" for name, (text, _) in NUMBERS.items()))
+    cell = cells_of(grid_of(path, "--tasks", "stack2", "--methods", "sac", "--preset", "smoke"), tmp_path)[1]
+    options = flatten(cell.config.to_json())
+    assert {name: options[name.replace("-", "_")] for name in NUMBERS} == {
+        n: value for n, (_, value) in NUMBERS.items()
+    }
+    assert cell.config.seed == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        *(("epochs", text) for text in ("1e3", "0x10", "1:30", "7.0", "2026-01-01", "yes", ".inf", "nan")),
+        *(("sac.gamma", text) for text in (".nan", "nan", "1:30", "true")),
+        *(("sac.learning-rate", text) for text in ("nan", "inf", "-.inf")),
+    ],
+)
+def test_what_is_no_such_number_is_refused_in_one_line(yaml, tmp_path, name, text):
+    path = yaml(f"tasks: [stack2]\nmethods: [sac]\noptions: {{{name}: {text}}}")
+    with pytest.raises(ValueError, match="stack2 sac: ") as refused:
+        cells_of(grid_of(path), tmp_path)
     assert "\n" not in str(refused.value)
 
 

@@ -298,7 +298,8 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
 
 
 def test_every_method_has_a_look_of_its_own_that_stays():
-    looks = {spec: style.line_style(spec) for spec in available_specs() if spec != "mihm"}
+    looks = style.line_styles(available_specs())
+    mihm = looks.pop("mihm")
     assert len({(look["color"], look["linestyle"]) for look in looks.values()}) == len(looks)
-    assert looks["mi+hm"] == style.line_style("mihm")
+    assert looks["mi+hm"] == mihm
     assert looks["mi"]["color"] == looks["mi+hm"]["color"]

@@ -16,14 +16,21 @@ from tiny_runs import TINY
 from curiobench.config import CONFIG_VERSION
 from curiobench.files import read_json, replace_file
 from curiobench.run_folder import RunFolder, read_config, read_record, read_rows
+from curiobench.versions import ENVIRONMENT
 
 
-def test_keeps_config_versions_and_command(tmp_path):
+def test_keeps_config_command_and_what_else_decides_numbers(tmp_path, monkeypatch):
+    for name in ENVIRONMENT:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("NUMBA_OPT", "2")
+    monkeypatch.setenv("ATEN_CPU_CAPABILITY", "default")
     with RunFolder(tmp_path / "a" / "b", TINY, resume=False, command=["curiobench", "train"]) as folder:
         record = read_record(folder.path)
     assert read_config(folder.path) == TINY
     assert record["command"] == ["curiobench", "train"]
-    assert record["versions"].keys() >= {"python", "mujoco", "dm_control", "torch", "numpy", "curiobench", "git_commit"}
+    packages = {"python", "mujoco", "dm_control", "torch", "numpy", "numba", "curiobench", "git_commit"}
+    assert record["versions"].keys() >= packages
+    assert record["versions"]["environment"] == "ATEN_CPU_CAPABILITY=default NUMBA_OPT=2"
 
 
 def test_is_used_by_one_process_at_a_time(tmp_path):
