@@ -88,15 +88,15 @@ def sb3_table(path: Path) -> str:
 
 if __name__ == "__main__":
     page = DOCS / "presets.md"
-    stack2 = sorted(RUNS.glob("stack2-sac-?"))
     tables = {
-        "stack2": curve_table(stack2),
-        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?")), every=8),
+        "stack2": curve_table(sorted(RUNS.glob("stack2-sac-?"))),
+        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?")), every=4),
         "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?")), every=100),
-        "parts": parts_table(stack2[:2], sorted(RUNS.glob("parts/*"))),
+        "parts": parts_table(sorted(RUNS.glob("biased/stack2-sac-[01]")), sorted(RUNS.glob("parts/*"))),
         "sb3 on stack2": sb3_table(RUNS / "sb3-stack2.csv"),
         "sb3 on stack3": sb3_table(RUNS / "sb3-stack3.csv"),
-        "plain starts": curve_table(sorted(RUNS.glob("plain/*")), every=4),
+        "longer": curve_table(sorted(RUNS.glob("longer/*")), every=4),
+        "biased starts": curve_table(sorted(RUNS.glob("biased/*")), every=8),
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, command="make presets"))
