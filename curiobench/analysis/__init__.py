@@ -1,18 +1,24 @@
 """From runs to results: frames, statistics, tables, figures, reports, and the published sets, which `load` reads."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.folders import available
+from curiobench.analysis.folders import available, locate
 
 if TYPE_CHECKING:
-    from curiobench.analysis.frames import load
+    from curiobench.analysis.frames import Results
 
 __all__ = ["available", "load"]
 
 
-def __getattr__(name: str):
-    if name == "load":  # imported on first use: pandas takes half a second
-        from curiobench.analysis.frames import load
+def load(name: str | Path) -> "Results":
+    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
 
-        return load
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    Raises ValueError where there is no such set, or a file of it is damaged.
+    """
+    from curiobench.analysis.frames import read_results  # pandas takes half a second to import
+
+    results = read_results([locate(name)])
+    if results.faults:
+        raise ValueError("; ".join(results.faults))
+    return results

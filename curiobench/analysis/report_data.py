@@ -132,12 +132,12 @@ class Entry(NamedTuple):
     order: str  # text or number that its column is sorted by; "" comes last
     numeric: bool = False
     interval: str = ""  # ends of the interval around it
-    best: bool = False  # it is better than all others of its column beyond doubt
+    best: bool = False  # its interval lies above all others of its column
     look: str = ""  # CSS of a sample of its method's bars
 
 
-def shown_table(table: Table, elsewhere: Sequence[str]) -> dict[str, Any]:
-    """A table for the template, without the notes that the page has `elsewhere`."""
+def table_data(table: Table, elsewhere: Sequence[str]) -> dict[str, Any]:
+    """A table for the template, without notes that the page has `elsewhere`."""
     best = {column.key: table.best(column) for column in table.columns}
     rows = [
         [_entry(row.get(column.key), column, best[column.key] == place) for column in table.columns]

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from curiobench.files import reading
 from curiobench.protocol import LEARNED_ABOVE
 from curiobench.tasks.goals import goal_space
 from curiobench.tasks.registration import n_blocks_of
 
 MAX_CSV_BYTES = 1 << 30
 LARGEST_LISTED_TASK = 4
-"""Blocks of the largest task whose valid goals are looked up; enumerating those of five blocks takes ten seconds."""
+"""Blocks of the largest task whose goals are enumerated to check rows; those of five blocks take ten seconds."""
 _ROUNDING = 1e-9
 
 DTYPES = {
@@ -47,10 +48,10 @@ def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) ->
     """The frames of a run's evaluations.csv, and what was left out of it ("" for nothing).
 
     With `every_goal` the first frame has every evaluation, otherwise the last one, which takes half the time. If
-    `tolerant`, an incomplete evaluation at the end is left out, as a run at work or killed may have one. Raises
-    ValueError, which names the file, where it is missing, damaged, or not of this task.
+    `tolerant`, an incomplete last evaluation, which a running or killed run may have, is left out. Raises ValueError,
+    which names the file, where it is missing, damaged, or of another task.
     """
-    with _naming(path):
+    with reading(path), _naming(path):
         content = _read_bytes(path, cut_off=tolerant)
         kept = _complete_evaluations(content) if tolerant else content
         dropped = "" if len(kept) == len(content) else f"{path}: its last evaluation is not all there, and left out"
@@ -71,12 +72,10 @@ def _naming(path: Path) -> Iterator[None]:
         yield
     except (ValueError, TypeError, OverflowError, csv.Error) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
 
 
 def _read_bytes(path: Path, cut_off: bool) -> bytes:
-    """A csv file; raises ValueError where there is none, it is too large, or its last row is `cut_off` and may not."""
+    """A csv file; raises ValueError where it is missing or too large, or its last row is cut off and not `cut_off`."""
     if not path.is_file():
         raise ValueError("the file is missing")
     if path.stat().st_size > MAX_CSV_BYTES:
@@ -116,7 +115,7 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
     """Columns of a csv file, all of which it has; raises ValueError where a value is of another type."""
     types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
-    with warnings.catch_warnings():  # of an infinite whole number, which is an error as well
+    with warnings.catch_warnings():  # an infinite integer gives a warning and an error
         warnings.simplefilter("ignore", RuntimeWarning)
         return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
 
@@ -124,7 +123,7 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
 def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Frames:
     """The frames of one run from the rows of its evaluations.csv, or from some columns of them and the `last` ones.
 
-    Raises ValueError where a goal is missing, twice there, or foreign, or a number cannot be.
+    Raises ValueError where a goal is missing, repeated or unknown, or a number is out of its range.
     """
     if rows.empty:
         raise ValueError("there is no evaluation yet")
@@ -166,7 +165,7 @@ def _check_goals(bits: np.ndarray, layer: np.ndarray, starts: np.ndarray, task: 
 
 @cache
 def _goals_of(task: str) -> dict[int, int] | None:
-    """Layer by goal, whose bits are read as a decimal number; None where there are too many goals to list."""
+    """Layer by goal, its bits read as a decimal number; None where there are too many goals to enumerate."""
     if n_blocks_of(task) > LARGEST_LISTED_TASK:
         return None
     space = goal_space(n_blocks_of(task))
@@ -225,7 +224,7 @@ def read_progress(
     """
     if result is None and not path.exists():
         return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
-    with _naming(path):
+    with reading(path), _naming(path):
         content = _read_bytes(path, cut_off=result is None)
         kept = content[: content.rfind(b"\n") + 1]
         header = _check_header(kept, PROGRESS_COLUMNS)
@@ -240,7 +239,7 @@ def read_progress(
 
 
 def asked(wanted: bool | Collection[str], columns: Iterable[str]) -> list[str]:
-    """Those of the columns of a progress.csv that `wanted` names."""
+    """The columns of a progress.csv that `wanted` names."""
     return [name for name in columns if wanted is True or name in (wanted or ())]
 
 

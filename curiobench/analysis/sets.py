@@ -13,7 +13,6 @@ from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, 
 from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
 from curiobench.versions import PACKAGES
 
-MAX_ROWS = 20_000_000  # rows that are read of a file at most: a compressed one may be far larger than it looks
 _TEXT = (
     *("run", "machine", *PACKAGES, "python"),
     *("git_commit", "method_sha256", "created", "finished", "command", "config"),
@@ -56,12 +55,8 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
 
 def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.DataFrame:
     names = pd.read_csv(path, nrows=0).columns
-    missing = {name: [""] for name in names if dtypes.get(name) is not str}  # a run may be called NA
-    frame = pd.read_csv(
-        path, dtype=dtypes, nrows=MAX_ROWS + 1, low_memory=False, keep_default_na=False, na_values=missing
-    )
-    if len(frame) > MAX_ROWS:
-        raise ValueError(f"{path.name} has more than {MAX_ROWS:,} rows")
+    missing = {name: [""] for name in names if dtypes.get(name) is not str}  # a run may have the name NA
+    frame = pd.read_csv(path, dtype=dtypes, low_memory=False, keep_default_na=False, na_values=missing)
     if lacking := [name for name in required if name not in frame]:
         raise ValueError(f"{path.name} has no column {', '.join(lacking)}")
     return frame

@@ -1,4 +1,4 @@
-"""What a table has of a method on a task: estimates over its seeds."""
+"""Estimates over the seeds of a method on a task, for tables."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from curiobench.analysis.statistics import (
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % bootstrap interval over seeds; its ends are NaN where there is none, as with one seed."""
+    """A number with its 95 % bootstrap interval over seeds; both ends are NaN where there is none, as with one seed."""
 
     value: float
     low: float = float("nan")
@@ -42,16 +42,16 @@ class Summary:
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
-    """A summary of every task, method and variant; of partial runs the last evaluation counts as their end.
+    """A summary of every task, method and variant; the last evaluation of a partial run counts as its end.
 
-    All others are compared with the baseline, a method, of the same variant or without any.
+    Each is compared with the baseline, a method spec.
     """
     pairs = [(task, sample) for task in tasks for sample in task.samples]
     return [Summary(task, sample, _values(task, sample, _baseline(task, sample, baseline))) for task, sample in pairs]
 
 
 def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None:
-    """The baseline of the same variant, else the only one whose runs are as long as those of the sample."""
+    """The baseline of the same variant, or else the only one of as many epochs, steps and updates; None without one."""
     if sample.method == baseline:
         return None
     found = [other for other in task.samples if other.method == baseline]
@@ -93,7 +93,7 @@ def key_of(name: str, layer: int) -> str:
 
 
 def _final(sample: Sample) -> np.ndarray:
-    """(S,) success over all goals at the end, rounded so that equal ones are a tie."""
+    """(S,) success over all goals at the end, rounded so that equal ones tie."""
     return np.round(sample.last_success[:, 0], 9)
 
 

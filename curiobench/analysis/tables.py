@@ -1,4 +1,4 @@
-"""Tables of results: their rows and columns. How they are written is the business of formats.py."""
+"""Tables of results: their rows and columns. formats.py writes them."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.analysis.summaries import Estimate, Summary, Value, key_of
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
-RARE = 100  # a chance of one in so many, or less, is not worth a note
+RARE = 100  # a chance of one in 100 or less gets no note
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Column:
     key: str  # name in csv files
     heading: str  # name elsewhere
     digits: int = 2  # decimals, except in csv files
-    contest: bool = False  # more is better: the best value is set in bold if its interval lies above all others
+    contest: bool = False  # more is better: the best value is bold if its interval lies above all others
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Table:
     notes: tuple[str, ...] = ()  # lines below it
 
     def best(self, column: Column) -> int | None:
-        """Row of the value that is better than all others beyond doubt; None where there is none, or too few seeds."""
+        """Row of the value whose interval lies above all others; None where there is none, or too few seeds."""
         values = [row.get(column.key) for row in self.rows]
         if not column.contest or len(values) < 2:
             return None

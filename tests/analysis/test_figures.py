@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from curiobench.analysis.comparison import draw_comparison, draw_heat_map, success_over_training
-from curiobench.analysis.curves import (
+from curiobench.analysis.comparison import draw_comparison, draw_heat_map
+from curiobench.analysis.figures import (
+    KINDS,
     MOST_POINTS,
     THRESHOLDS,
     draw_bonus,
     draw_exploitation,
+    draw_figures,
     draw_learned,
     draw_profile,
     draw_success,
     thinned,
 )
-from curiobench.analysis.figures import KINDS, draw_figures
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
@@ -78,7 +79,7 @@ def test_samples_hold_means_of_layers_and_last_success_of_goals(samples):
     assert mihm.success[1, :, 2].tolist() == [0, 0, 0, 0.5, 1]
     assert mihm.learned[0, :, 1].tolist() == [1, 2, 2, 2, 2]
     assert task.samples[0].goal_success.tolist() == [[1, 1, 1, 1], [1, 1, 1, 0]]
-    assert success_over_training(mihm)[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
+    assert mihm.area[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
     assert task.steps_per_epoch == 1000
 
 
@@ -275,11 +276,10 @@ def drawn_texts(figure):
 
 
 def test_curves_are_thinned_to_what_can_be_seen():
-    kept = thinned(500)
-    assert len(kept) == MOST_POINTS
-    assert (kept[0], kept[-1]) == (0, 499)
-    assert thinned(41).tolist() == list(range(41))
-    assert thinned(1).tolist() == [0]
+    for count, kept in ((500, MOST_POINTS), (41, 41), (1, 1)):
+        epochs, values = thinned(np.arange(count), np.arange(count)[None])
+        assert (len(epochs), epochs[0], epochs[-1]) == (kept, 0, count - 1)
+        assert values[0].tolist() == epochs.tolist()
 
 
 def test_goals_that_differ_within_a_task_are_an_error(make_runs):

@@ -9,9 +9,8 @@ from functools import partial
 import pytest
 from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
 
+from curiobench.analysis import load, submission
 from curiobench.analysis import publish as publish_module
-from curiobench.analysis import submission
-from curiobench.analysis.frames import load
 from curiobench.analysis.publish import publish
 from curiobench.analysis.rules import submit_check
 from curiobench.analysis.submission import PRESETS_ONLY, read_submission
