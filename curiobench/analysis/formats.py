@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 from curiobench.analysis.frames import Results, print_faults, read_results
 from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import Estimate, Value, summarise
-from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
+from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_table, summarise
 from curiobench.files import replace_file, writing_to
 from curiobench.methods.specs import shown
 from curiobench.workers import cores

@@ -89,7 +89,7 @@ def read_results(
         paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
             with this package, such as v1, where there is no such folder.
         partial: also take runs that are not finished.
-        every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time.
+        every_goal: `evaluations` holds every evaluation; otherwise the last of each run.
         progress: read progress.csv; or of the runs that have one of these columns, these and those that every run has.
         processes: how many read folders side by side, where there are many; what is read does not depend on it.
         meanwhile: what this process does first while others read, such as a slow import.

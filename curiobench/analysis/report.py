@@ -23,8 +23,7 @@ from curiobench.analysis.report_data import (
     warnings,
 )
 from curiobench.analysis.samples import LOGGED, task_samples
-from curiobench.analysis.summaries import summarise
-from curiobench.analysis.tables import method_tables
+from curiobench.analysis.tables import method_tables, summarise
 from curiobench.files import replace_file, writing_to
 
 if TYPE_CHECKING:

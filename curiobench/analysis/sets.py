@@ -38,7 +38,7 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
     runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
     types = dict.fromkeys(_TEXT, str) | dict.fromkeys(_NUMBERS, float) | {"complete": bool}
     heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), types)
-    rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str, "bits": str})
+    rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str})
     details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | PROGRESS_DTYPES)
     if heads["run"].duplicated().any():
         raise ValueError("a run is in runs.csv twice")
@@ -69,10 +69,8 @@ def _run(
     config, name = check_config(json.loads(row["config"])), row["run"]
     if rows is None:
         raise ValueError(f"{name} has no evaluation")
-    evaluations, layers = check(rows, config["task"])
+    evaluations, layers = check(rows, config["task"], every_goal)
     epoch, steps = (int(layers[column].iloc[-1]) for column in ("epoch", "steps"))
-    if not every_goal:
-        evaluations = evaluations[evaluations["epoch"] == epoch]
     if row["complete"] and epoch != config["epochs"]:
         raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
     for column in _NUMBERS:

@@ -129,7 +129,7 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
         out.mkdir(parents=True, exist_ok=True)
         with open(out / ".grid.lock", "a") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
-            record = read_record(out)
+            record = read_grid(out) if (out / GRID_FILE).exists() else {"cells": []}
             entries = {entry["folder"]: entry for entry in record["cells"]}
             for cell in cells:
                 if cell.folder not in entries or not (cell.path / "config.json").exists():
@@ -137,11 +137,6 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
             this = shlex.join(command)
             commands = [*(known for known in record.get("commands", []) if known != this), this]
             write_json(out / GRID_FILE, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
-
-
-def read_record(out: Path) -> dict[str, Any]:
-    """What grid.json holds, an empty grid where there is none; raises ValueError where it is something else."""
-    return read_grid(out) if (out / GRID_FILE).exists() else {"commands": [], "cells": []}
 
 
 def _entry(cell: Cell) -> dict[str, Any]:

@@ -16,8 +16,7 @@ from curiobench.analysis import report
 from curiobench.analysis.formats import markdown
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import summarise
-from curiobench.analysis.tables import method_tables
+from curiobench.analysis.tables import method_tables, summarise
 from curiobench.tasks.goals import goal_space
 
 METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")

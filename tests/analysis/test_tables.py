@@ -14,8 +14,7 @@ from curiobench.analysis.frames import read_results
 from curiobench.analysis.options import cautions
 from curiobench.analysis.paper import LEARNED, PAPER_GOALS, flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import Estimate, summarise
-from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
+from curiobench.analysis.tables import Column, Estimate, Table, flat_table, method_tables, run_table, summarise
 
 
 def known(task, method, seed, epoch, goal):
