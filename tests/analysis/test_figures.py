@@ -119,7 +119,7 @@ def test_low_curves_have_axes_that_end_close_above_them_the_same_in_all_panels(d
 def test_axes_of_one_seed_without_a_learned_goal(drawn):
     (figure,) = drawn(draw_learned, seeds=1, epochs=40, success=lambda *args: 0)
     (axes,) = figure.axes
-    assert seen_ticks(axes) == [0, 1, 2]  # whole goals
+    assert seen_ticks(axes) == [0, 1, 2]  # integers
     assert len(axes.lines) == 2
     assert not axes.collections  # a single seed has no band
     assert axes.get_xlabel() == "epoch (million steps)"
@@ -132,7 +132,7 @@ def test_no_steps_where_an_epoch_has_no_fixed_number_of_them(samples):
         assert draw_learned(task, task.samples)[0].axes[0].get_xlabel() == "epoch"
 
 
-def test_many_methods_stand_in_small_multiples_with_sac_in_each(drawn):
+def test_many_methods_are_small_multiples_with_sac_in_each(drawn):
     (figure,) = drawn(draw_success, methods=NINE, seeds=2)
     panels = np.reshape(figure.axes, (5, 3))
     assert [axes.get_ylabel() for axes in panels[:, 0]] == ["icm", "rnd", "dac", "re3", "mi"]
@@ -318,7 +318,7 @@ def test_paper_figures_have_the_papers_methods(make_runs, tmp_path, monkeypatch)
     assert "too few" in text
 
 
-def test_caption_tells_seeds_partial_runs_and_whole_specs(make_runs, tmp_path, monkeypatch):
+def test_caption_names_seeds_partial_runs_and_full_specs(make_runs, tmp_path, monkeypatch):
     captions = []
     monkeypatch.setattr("curiobench.analysis.figures.caption", lambda figure, text: captions.append(text))
     paths = make_runs(methods=("sac", LONG), seeds=3) + make_runs(methods=("icm",), seeds=1, complete=False)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from lawful import edit_json
 from synthetic import EPISODES, STEPS_AN_EPOCH
 
 from curiobench.analysis import frames, rows
@@ -19,13 +20,6 @@ from curiobench.analysis.frames import EVALUATION_COLUMNS, METHOD_ORDER, RUN_COL
 from curiobench.analysis.runs import decisive
 from curiobench.config import RunConfig
 from curiobench.tasks.goals import goal_space
-
-
-def edit(path, change):
-    """Replace a JSON file's content by what `change` makes of it."""
-    values = json.loads(path.read_text())
-    change(values)
-    path.write_text(json.dumps(values))
 
 
 def one_fault(results):
@@ -81,14 +75,14 @@ def test_layers_are_means_over_goals(make_runs):
 
 def test_reading_less_reads_the_same(make_runs):
     paths = make_runs(tasks=("stack2", "stack3"))
-    whole, short = read_results(paths), read_results(paths, every_goal=False, progress=["share_exploitation"])
-    assert short.layers.equals(whole.layers)
-    last = whole.evaluations[whole.evaluations["epoch"] == 4].reset_index(drop=True)
+    full, short = read_results(paths), read_results(paths, every_goal=False, progress=["share_exploitation"])
+    assert short.layers.equals(full.layers)
+    last = full.evaluations[full.evaluations["epoch"] == 4].reset_index(drop=True)
     assert short.evaluations.equals(last)
     columns = ["epoch", "steps", "updates", "share_exploitation", "seconds"]
     assert list(short.progress.columns)[5:] == columns
     assert set(short.progress["method"]) == {"mihm"}  # no other has the column
-    known = whole.progress[whole.progress["method"] == "mihm"].reset_index(drop=True)
+    known = full.progress[full.progress["method"] == "mihm"].reset_index(drop=True)
     pd.testing.assert_frame_equal(short.progress[columns], known[columns])
     assert read_results(paths, progress=False).progress.empty
 
@@ -99,7 +93,7 @@ def test_missing_and_foreign_folders_of_a_grid_are_named(make_runs, tmp_path):
     (tmp_path / "runs" / "notes").mkdir()
     (tmp_path / "runs" / ".hidden").mkdir()
     (missing / "config.json").unlink()
-    edit(other / "config.json", lambda record: record["config"].update(seed=5))
+    edit_json(other / "config.json", lambda record: record["config"].update(seed=5))
     results = read_results([tmp_path / "runs"])
     assert results.faults == (
         f"{missing} is missing: the grid's stack2 sac seed 0",
@@ -160,9 +154,9 @@ def test_a_run_at_work_may_be_cut_anywhere(make_runs):
     for end in range(len(b"".join(rows[:5])), len(content), 13):
         (path / "evaluations.csv").write_bytes(content[:end])
         results = read_results([path], partial=True)
-        whole = content[:end].count(b"\n") - 1
-        assert len(results.evaluations) == whole // 4 * 4
-        assert len(results.faults) == (0 if content[:end] == b"".join(rows[: 1 + whole // 4 * 4]) else 1)
+        n_rows = content[:end].count(b"\n") - 1
+        assert len(results.evaluations) == n_rows // 4 * 4
+        assert len(results.faults) == (0 if content[:end] == b"".join(rows[: 1 + n_rows // 4 * 4]) else 1)
     (path / "evaluations.csv").write_bytes(content)
     progress = (path / "progress.csv").read_bytes()
     (path / "progress.csv").write_bytes(progress[:-3])
@@ -176,8 +170,8 @@ def test_a_run_at_work_may_be_cut_anywhere(make_runs):
 
 def test_duplicates_are_named_and_the_first_is_kept(make_runs, tmp_path):
     first, second = make_runs(methods=("sac",), seeds=1) + make_runs(methods=("sac",), seeds=1, suffix="-again")
-    edit(second / "config.json", lambda record: record["config"]["machine"].update(threads=8))
-    edit(second / "config.json", lambda record: record["config"]["hybrid"].update(popart_rate=0.5))  # sac has none
+    edit_json(second / "config.json", lambda record: record["config"]["machine"].update(threads=8))
+    edit_json(second / "config.json", lambda record: record["config"]["hybrid"].update(popart_rate=0.5))  # sac has none
     results = read_results([tmp_path / "runs"])
     assert one_fault(results) == f"{second} is a duplicate of {first}: the same config; left out"
     assert list(results.runs["run"]) == ["stack2-sac-0"]
@@ -194,7 +188,7 @@ def test_the_same_folder_by_two_paths_is_no_duplicate(make_runs, tmp_path):
     assert len(results.runs) == 6
 
 
-def test_runs_of_one_name_are_told_apart(make_runs, tmp_path):
+def test_runs_of_one_name_get_different_names(make_runs, tmp_path):
     make_runs(methods=("sac",), seeds=1)
     (tmp_path / "runs").rename(tmp_path / "old")
     make_runs(methods=("sac",), seeds=1, options={"sac.tau": 0.1})
@@ -228,8 +222,8 @@ def test_a_preset_stands_for_its_options(make_runs, tmp_path):
 
 def test_methods_from_outside_of_other_files_are_other_methods(make_runs, tmp_path):
     first, second = make_runs(methods=("pkg.mod:Mine",), seeds=2)
-    edit(first / "config.json", lambda record: record["versions"].update(method_sha256="a" * 64))
-    edit(second / "config.json", lambda record: record["versions"].update(method_sha256="b" * 64))
+    edit_json(first / "config.json", lambda record: record["versions"].update(method_sha256="a" * 64))
+    edit_json(second / "config.json", lambda record: record["versions"].update(method_sha256="b" * 64))
     variants = list(read_results([tmp_path / "runs"]).runs["variant"])
     assert variants == ["method_sha256=aaaaaaaa", "method_sha256=bbbbbbbb"]
 
@@ -251,7 +245,7 @@ def test_methods_from_outside_of_other_files_are_other_methods(make_runs, tmp_pa
 )
 def test_foreign_configs_are_named(make_runs, tmp_path, change, message):
     first, *_ = make_runs(seeds=1)
-    edit(first / "config.json", change)
+    edit_json(first / "config.json", change)
     results = read_results([tmp_path / "runs"])
     assert one_fault(results).startswith(str(first)) or str(first) in one_fault(results)
     assert message in one_fault(results)
@@ -343,7 +337,7 @@ def test_damaged_progress_is_named(make_runs, tmp_path, change, message):
 )
 def test_a_result_that_disagrees_is_named(make_runs, tmp_path, change, message):
     damaged, _ = make_runs(methods=("sac",), seeds=2, success=lambda *args: 0.2)
-    edit(damaged / "result.json", change)
+    edit_json(damaged / "result.json", change)
     for progress in (True, False):
         results = read_results([tmp_path / "runs"], progress=progress)
         assert message in one_fault(results)
@@ -435,12 +429,14 @@ def test_several_processes_read_what_one_reads(make_runs, tmp_path, monkeypatch,
 
 def test_recorded_texts_are_on_one_line_and_commands_joined(make_runs):
     (run,) = make_runs(methods=("sac",), seeds=1)
-    edit(run / "config.json", lambda record: record.update(created="a\nb\x1b[31m", command=["x", "a\nb"]))
-    edit(run / "result.json", lambda result: result.update(machine=["no text"]))
+    edit_json(run / "config.json", lambda record: record.update(created="a\nb\x1b[31m", command=["x", "a\nb"]))
+    edit_json(run / "result.json", lambda result: result.update(machine=["no text"]))
     row = read_results([run]).runs.iloc[0]
     assert (row["created"], row["command"], row["machine"]) == ("a b [31m", "x 'a b'", "")
     for lengthened, command in (([{"command": ["d"]}], "a 'b c' && d"), (["?"], "")):
-        edit(run / "config.json", lambda record, own=lengthened: record.update(command=["a", "b c"], lengthened=own))
+        edit_json(
+            run / "config.json", lambda record, own=lengthened: record.update(command=["a", "b c"], lengthened=own)
+        )
         assert read_results([run]).runs.loc[0, "command"] == command
 
 

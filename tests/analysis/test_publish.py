@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from lawful import edit_rows, edit_versions, lengthen
+from lawful import edit_options, edit_rows, edit_versions, lengthen
 
 import curiobench
 from curiobench.analysis import folders, load
@@ -88,7 +88,7 @@ def rising(task, method, seed, epoch, goal):
     return min(1, (epoch + seed) / 10)
 
 
-def test_a_run_made_longer_takes_the_place_of_its_beginning(make_runs, tmp_path, out, undrawn):
+def test_a_lengthened_run_replaces_the_shorter_one(make_runs, tmp_path, out, undrawn):
     short = make_runs(seeds=2, success=rising)
     publish(short, out)
     (tmp_path / "runs").rename(tmp_path / "before")
@@ -140,16 +140,14 @@ def test_refuses_duplicates_and_the_same_name_twice(make_runs, out, undrawn):
     copy = Path(shutil.copytree(runs[0], out.parents[1] / "other" / runs[0].name))
     with pytest.raises(ValueError, match="is a duplicate of"):
         publish([*runs, copy], out)
-    record = json.loads((copy / "config.json").read_text())
-    record["config"]["seed"] = 7
-    (copy / "config.json").write_text(json.dumps(record))
+    edit_options(copy, seed=7)
     with pytest.raises(ValueError, match="needs a name of its own"):
         publish([*runs, copy], out)
     with pytest.raises(ValueError, match="name at least one run folder"):
         publish([], out)
 
 
-def test_refuses_code_that_is_no_commit_unless_told_so(make_runs, out, undrawn):
+def test_refuses_code_that_is_no_commit_unless_allowed(make_runs, out, undrawn):
     runs = make_runs(seeds=1)
     edit_versions(runs[0], git_commit="c0ffee-dirty")
     edit_versions(runs[1], git_commit=None)
@@ -166,7 +164,7 @@ def test_refuses_code_that_is_no_commit_unless_told_so(make_runs, out, undrawn):
     assert len(load(out).runs) == 2
 
 
-def test_keeps_what_others_put_there_and_all_published_runs(make_runs, out, undrawn):
+def test_keeps_other_files_and_all_published_runs(make_runs, out, undrawn):
     runs = make_runs(seeds=2)
     out.mkdir(parents=True)
     (out / "README.md").write_text("by hand")
@@ -187,11 +185,11 @@ def test_keeps_what_others_put_there_and_all_published_runs(make_runs, out, undr
     assert len(load(out).runs) == 3
 
 
-def test_takes_the_place_of_nothing_else(make_runs, out, undrawn, tmp_path):
+def test_replaces_nothing_but_a_published_set(make_runs, out, undrawn, tmp_path):
     runs = make_runs(seeds=1)
-    for place, told in ((tmp_path / "runs", "is no published set"), (runs[0] / "config.json", "is no published set")):
+    for place in (tmp_path / "runs", runs[0] / "config.json"):
         before = files(tmp_path)
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match="is no published set"):
             publish(runs, place)
         assert files(tmp_path) == before
     (tmp_path / "other").mkdir()
@@ -224,7 +222,7 @@ def test_a_failure_at_any_stage_leaves_what_was_there(make_runs, out, undrawn, m
 
 
 @pytest.mark.parametrize("renames", [0, 1, 2])
-def test_a_kill_at_any_rename_is_made_good(make_runs, out, undrawn, renames):
+def test_the_next_publish_cleans_up_after_a_kill_at_any_rename(make_runs, out, undrawn, renames):
     runs = make_runs(seeds=2)
     publish(runs[:3], out)
     new = Path(shutil.copytree(out, out.with_name(".v1.curiobench-new")))

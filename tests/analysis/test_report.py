@@ -63,7 +63,7 @@ def runs(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def text(runs) -> str:
-    """Their whole report."""
+    """Their report."""
     out = runs / "report.html"
     report.write_report([runs], out)
     return out.read_text()

@@ -7,7 +7,18 @@ import shutil
 from functools import partial
 
 import pytest
-from lawful import COMMIT, EPOCHS, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
+from lawful import (
+    COMMIT,
+    EPOCHS,
+    OUTSIDE,
+    edit_json,
+    edit_options,
+    edit_rows,
+    edit_versions,
+    lengthen,
+    rewrite,
+    write_lawful,
+)
 
 from curiobench.analysis import load, submission
 from curiobench.analysis import publish as publish_module
@@ -96,11 +107,8 @@ def in_rows(change, file="evaluations.csv"):
 
 
 def in_result(**values):
-    def change(folder):
-        path = first(folder) / "result.json"
-        path.write_text(json.dumps(json.loads(path.read_text()) | values))
-
-    return change
+    """Change result.json of the first run."""
+    return lambda folder: edit_json(first(folder) / "result.json", lambda result: result.update(values))
 
 
 def with_success(success, unsatisfied):
@@ -120,16 +128,16 @@ def few_updates(folder):
 
 
 REPLAY = {"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True}  # an option is missing
-WHOLE, OPTIONS = "every folder holds one whole run", "options, apart from the method's own"
+COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the method's own"
 
 
 @pytest.mark.parametrize(
     ("mutate", "broken", "message"),
     [
-        (lambda f: (first(f) / "result.json").unlink(), WHOLE, "stack2-sac-0 is partial"),
-        (lambda f: (f / "notes").mkdir(), WHOLE, "notes is no run folder"),
-        (lambda f: shutil.copytree(first(f), f / "again"), WHOLE, "is a duplicate of"),
-        (in_result(goals_learned=3), WHOLE, "result.json says goals_learned 3, evaluations.csv 4"),
+        (lambda f: (first(f) / "result.json").unlink(), COMPLETE, "stack2-sac-0 is partial"),
+        (lambda f: (f / "notes").mkdir(), COMPLETE, "notes is no run folder"),
+        (lambda f: shutil.copytree(first(f), f / "again"), COMPLETE, "is a duplicate of"),
+        (in_result(goals_learned=3), COMPLETE, "result.json says goals_learned 3, evaluations.csv 4"),
         (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
         (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
         (
@@ -214,19 +222,19 @@ def test_what_is_the_methods_own_may_differ(runs):
 
 
 @pytest.mark.parametrize(
-    ("mutate", "property_", "told"),
+    ("mutate", "property_", "message"),
     [
         (lambda path: edit_versions(path, git_commit=None), "commit on record", "only the version is known, 1.0"),
         (lambda path: edit_versions(path, torch="9.9+cu1"), "versions are the reference's", "torch 9.9+cu1, not 1.0"),
         (lambda path: edit_options(path, device="cuda"), "device and threads are the reference's", "device is 'cuda'"),
     ],
 )
-def test_what_may_change_last_bits_is_a_warning(runs, published, mutate, property_, told):
+def test_what_may_change_last_bits_is_a_warning(runs, published, mutate, property_, message):
     for path in every(runs):
         mutate(path)
     (name, (verdict, detail)), *others = verdicts(runs, str(published)).items()
     assert (name, verdict, others) == (property_, "warn", [])
-    assert told in detail
+    assert message in detail
 
 
 def test_another_task_than_the_sets_is_compared_with_its_preset(lawful, published, tmp_path):

@@ -2,11 +2,10 @@
 
 import csv
 import io
-import json
 import re
 
 import pytest
-from lawful import edit_versions, lengthen
+from lawful import edit_json, edit_versions, lengthen
 from synthetic import write_grid
 
 from curiobench.analysis.formats import comma_separated, latex, markdown, terminal
@@ -62,7 +61,7 @@ def test_known_answers(results):
     assert (all_["hours"], all_["memory"], all_["machine"]) == (0.04, 800, "Test CPU, 2 cores")
 
 
-def test_hours_of_short_runs_are_told_to_their_seconds(results):
+def test_hours_of_short_runs_have_four_digits(results):
     cost = tables(results)[2]
     assert "0.0400" in terminal([cost])
     results.runs["hours"] *= 10
@@ -135,12 +134,11 @@ def test_differences_that_make_a_comparison_unfair_are_named(make_runs, tmp_path
     assert cautions(read_results([tmp_path / "runs"], partial=True).runs) == expected
 
 
-def test_options_that_are_younger_than_a_run_are_what_they_then_were(make_runs, tmp_path):
-    make_runs(methods=("sac",), seeds=2)
-    record = tmp_path / "runs" / "stack2-sac-0" / "config.json"
-    values = json.loads(record.read_text())
-    del values["config"]["starts"], values["config"]["sac"]["network"]
-    record.write_text(json.dumps(values))
+def test_options_that_a_run_lacks_are_those_that_reproduce_it(make_runs, tmp_path):
+    run, _ = make_runs(methods=("sac",), seeds=2)
+    edit_json(
+        run / "config.json", lambda record: (record["config"].pop("starts"), record["config"]["sac"].pop("network"))
+    )
     assert cautions(read_results([tmp_path / "runs"]).runs) == []
 
 
@@ -174,8 +172,8 @@ def test_bold_of_ten_seeds(make_runs):
     assert not any("too few" in note for table in made for note in table.notes)
 
 
-def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
-    """Two tasks, unequal seeds: what a table has to say stands under it, and does not hang on another's size."""
+def test_each_task_has_its_own_notes(make_runs, tmp_path):
+    """Two tasks with unequal seeds: notes of one do not depend on the other."""
     make_runs(methods=("sac", "mihm"), success=known)
     make_runs(tasks=("stack3",), methods=("sac",), seeds=2, options={"updates": 7}, success=known)
     make_runs(tasks=("stack3",), methods=("mihm",), seeds=1, options={"updates": 7}, success=known)
