@@ -38,10 +38,7 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
-    configs = {}
-    for run, file in results.config_files.items():
-        with reading(file):
-            configs[run] = file.read_bytes()
+    configs = {run: _content(file) for run, file in results.config_files.items()}
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
@@ -62,6 +59,11 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
             _tidy(place, old, new)
     rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
     return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
+
+
+def _content(file: Path) -> bytes:
+    with reading(file):
+        return file.read_bytes()
 
 
 def _check_runs(results: Results, allow_dirty: bool) -> None:
