@@ -49,7 +49,7 @@ def test_frames_read_back_are_those_of_the_run_folders(make_runs, out, undrawn):
     runs = make_runs(tasks=("stack2", "stack3"), methods=("sac", "mihm", "pkg.mod:Class+hm"), seeds=2)
     runs += make_runs(seeds=1, options={"sac.tau": 0.1}, suffix="-tau")
     runs += make_runs(methods=["pkg.mod:Class+hm"], seeds=2, suffix="-later")
-    runs.append(ROOT / "results" / "agent" / "stack2-sac-2")
+    runs.append(ROOT / "results" / "agent" / "biased" / "stack2-sac-2")
     for run in runs[-3:-1]:
         edit_versions(run, method_sha256="ab" * 32)
     publish(runs, out)
