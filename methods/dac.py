@@ -33,6 +33,7 @@ Differences from the authors' code (seungyulhan/dac), which extends SAC with a s
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -79,7 +80,9 @@ class DAC(LearnedReward):
         hidden = [config.hidden, config.hidden, 1]
         self.ratio = perceptron([state_size + goal_size + action_size, *hidden], generator, out_gain=0.1)
         self.alpha_network = perceptron([state_size, *hidden], generator, out_gain=0.1) if config.adapt_alpha else None
-        networks = {"ratio": self.ratio} | ({"alpha_network": self.alpha_network} if config.adapt_alpha else {})
+        networks = {"ratio": self.ratio}
+        if self.alpha_network is not None:
+            networks["alpha_network"] = self.alpha_network
         self.optimiser = adam(networks.values(), config.learning_rate)
         self._STATEFUL = (*networks, "optimiser")
 
@@ -127,7 +130,7 @@ class DAC(LearnedReward):
         losses = {"dac_ratio_loss": ratio_loss}
         if self.alpha_network is not None:
             losses["dac_alpha_loss"] = self.alpha_loss(log_alpha, own.detach(), stored.detach(), policy)
-        descend(self.optimiser, sum(losses.values()))
+        descend(self.optimiser, reduce(torch.add, losses.values()))
         means = {"dac_ratio_policy": own.sigmoid(), "dac_ratio_stored": stored.sigmoid(), "dac_alpha": alpha}
         return {name: value.detach() for name, value in losses.items()} | {
             n: v.detach().mean() for n, v in means.items()
