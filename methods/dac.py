@@ -41,7 +41,7 @@ from torch.nn import functional as F
 
 from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
-from curiobench.methods.reward import PolicyView, Transitions
+from curiobench.methods.reward import PolicyView, Transitions, given
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class DAC(LearnedReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,) of the stored actions. Raises ValueError without a view of the policy."""
-        policy = view_of(transitions)
+        policy = given(transitions.policy, "policy")
         logit = self.logit(transitions.state, policy.desired_goal, transitions.action)
         return self.clipped_surprise(logit, self.log_alpha(transitions.state), policy.stored_log_prob)
 
@@ -121,7 +121,7 @@ class DAC(LearnedReward):
         Metrics: dac_ratio_loss; dac_ratio_policy and dac_ratio_stored, the means of R at the policy's and at stored
         actions; dac_alpha, the mean of alpha; dac_alpha_loss if it is adapted.
         """
-        policy, state = view_of(transitions), transitions.state
+        policy, state = given(transitions.policy, "policy"), transitions.state
         actions = torch.cat([policy.action, transitions.action])
         own, stored = self.logit(state.repeat(2, 1), policy.desired_goal.repeat(2, 1), actions).chunk(2)
         log_alpha = self.log_alpha(state)
@@ -142,10 +142,3 @@ class DAC(LearnedReward):
         of_policy = self.surprise(own, log_alpha, policy.log_prob)
         of_buffer = self.clipped_surprise(stored, log_alpha, policy.stored_log_prob)
         return (alpha * of_policy + (1 - alpha) * of_buffer + alpha * self.config.control * self.action_size).mean()
-
-
-def view_of(transitions: Transitions) -> PolicyView:
-    """The policy's view. Raises ValueError where the agent gives none."""
-    if transitions.policy is None:
-        raise ValueError("DAC needs an agent that fills in `Transitions.policy`")
-    return transitions.policy

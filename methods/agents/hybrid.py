@@ -35,7 +35,7 @@ from curiobench.methods.agents.losses import Losses, Metrics, critic_loss, polic
 from curiobench.methods.agents.pairs import PairInputs, PairLayout
 from curiobench.methods.agents.q_int import MEMBERS, IntrinsicValues
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.reward import Batch, IntrinsicReward, given
+from curiobench.methods.reward import Batch, IntrinsicReward
 
 EXPLOIT, EXPLORE = 0, 1
 """pi_d and pi_c, wherever a tensor has one entry a policy."""
@@ -148,8 +148,8 @@ class HybridAgent(LearningAgent):
         actions, log_probs = learner.actor.sample(next_inputs, step.next_noise)
         next_values = learner.target_critics(next_inputs, actions[:EXPLORE]).squeeze(1)
         target = learner.bootstrapped(step.batch.reward, next_values, log_probs[EXPLOIT], learner.log_alpha[EXPLOIT])
-        raw, normalised = given(step.intrinsic, "intrinsic")
-        target_int = self.intrinsic_values.targets(next_inputs.state, actions[EXPLORE], raw, normalised)
+        assert step.intrinsic is not None  # there is a method
+        target_int = self.intrinsic_values.targets(next_inputs.state, actions[EXPLORE], *step.intrinsic)
         if learner.device.type == "cpu":  # before PopArt writes them into weights
             learner.check({"target of q_int": target_int.sum()})
         return target, self.intrinsic_values.adapt(target_int)
