@@ -17,7 +17,7 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import ModuleType, NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -115,9 +115,9 @@ def _is_method(value: Any) -> bool:
 def _check_config(method: type[Method], where: str) -> None:
     """Raise ValueError unless `Config` can be shown as flags, kept as JSON and made without arguments."""
     where = f"{where}: {method.__name__}.Config"
-    config: Any = getattr(method, "Config", None)
+    config = getattr(method, "Config", None)
     frozen = getattr(getattr(config, "__dataclass_params__", None), "frozen", False)
-    if not (inspect.isclass(config) and frozen):
+    if not (inspect.isclass(config) and is_dataclass(config) and frozen):
         raise ValueError(f"{where} is {config!r}; expected a dataclass with frozen=True")
     try:
         config()
