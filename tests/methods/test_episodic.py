@@ -118,18 +118,18 @@ def test_ngu_gives_nothing_for_what_the_episode_knows():
 MISTAKES = {
     "e3b counts the state itself": (
         E3B,
-        "place <= transitions.step.unsqueeze(1)",
-        "place <= transitions.step.unsqueeze(1) + 1",
+        'place <= given(transitions.step, "step").unsqueeze(1)',
+        'place <= given(transitions.step, "step").unsqueeze(1) + 1',
     ),
     "ride does not count the state itself": (
         RIDE,
-        "transitions.step.unsqueeze(1) + 1",
-        "transitions.step.unsqueeze(1)",
+        'given(transitions.step, "step").unsqueeze(1) + 1',
+        'given(transitions.step, "step").unsqueeze(1)',
     ),
     "ngu looks into the future": (
         NGU,
-        "place > transitions.step.unsqueeze(1)",
-        "place == transitions.step.unsqueeze(1) + 1",
+        'place > given(transitions.step, "step").unsqueeze(1)',
+        'place == given(transitions.step, "step").unsqueeze(1) + 1',
     ),
 }
 

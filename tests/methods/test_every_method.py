@@ -41,6 +41,13 @@ def test_reward_is_raw_finite_and_without_gradients(spec):
     assert reward.std() > 0
 
 
+@pytest.mark.parametrize("spec", ["counts", "dac", "e3b", "ngu", "ride"])
+def test_a_part_that_a_method_needs_and_is_not_given_is_named(spec):
+    bare = replace(random_transitions(), next_achieved_goal=None, step=None, policy=None)
+    with pytest.raises(ValueError, match=r"needs `Transitions\.(next_achieved_goal|policy|step)`"):
+        trained(spec).reward(bare)
+
+
 @every_method
 def test_reward_changes_nothing(spec):
     method, batch = trained(spec), random_transitions()

@@ -199,7 +199,7 @@ def test_adaptive_tau_steers_the_spread_of_q_int_to_its_share_of_that_of_q_ext(a
             for holder, name, size in ((agent.learner, "critics", 3.0), (agent, "intrinsic_values", 0.1)):
                 patch.setattr(holder, name, lambda _, tried, size=size: alternating(tried, size))
             agent._probe = torch.zeros(1, 8, SMALL.observation_size + 2 * SMALL.goal_size)
-            agent._measure()
+            agent._measure(batch)
     found = agent._measured
     assert found["q_ext_action_spread"] == pytest.approx(3)
     assert found["tau"] == pytest.approx(0.25 * 3 / 0.1 if adaptive else 0.2, rel=0.01)

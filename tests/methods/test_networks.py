@@ -183,8 +183,10 @@ def test_layouts_that_miss_or_repeat_a_name_are_refused():
         PairLayout(3, ((0, 1, 0, 1, 2),))
     with pytest.raises(ValueError, match="goal bits"):
         PairLayout(2, ((0, 1, 0, 1, 1),))
-    with pytest.raises(ValueError, match="there are 2 columns"):
-        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, body_details=())
+    with pytest.raises(ValueError, match="there are 6 columns"):
+        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=6, body_details=())
+    with pytest.raises(ValueError, match="block_size is 5"):  # near-field features would be read out of bounds
+        PairLayout(2, ((0, 1, 0, 1, 2),), block_size=5, block_details=())
     with pytest.raises(ValueError, match="'ordered'"):
         SACConfig(pairs="ordered")
 

@@ -71,6 +71,16 @@ def random_batch(layout: PairLayout, size: int, rng: np.random.Generator) -> Bat
     )
 
 
+def test_a_batch_without_its_actions_is_refused():
+    with pytest.raises(TypeError, match="action"):
+        Batch.from_numpy({f.name: None if f.name == "action" else np.zeros(1, np.float32) for f in fields(Batch)})
+
+
+def test_an_agent_without_a_curiosity_method_says_so():
+    with pytest.raises(ValueError, match="no curiosity method"):
+        agent_of().transitions(random_batch(SMALL, 4, np.random.default_rng(0)), epoch=0)
+
+
 def _more(layout: PairLayout, size: int, steps: int = 5) -> dict[str, np.ndarray]:
     """What some methods ask for: particles, and whole episodes; the same each time."""
     rng = np.random.default_rng(0)
@@ -196,8 +206,9 @@ def test_update_reads_a_batch_only_through_its_fixed_buffers():
 
 def test_tuned_temperature_falls_while_entropy_is_above_target():
     agent, rng = agent_of(tune_temperature=True, temperature=0.5), np.random.default_rng(0)
+    agent.learner.target_entropy = -10.0
     metrics = [agent.update(random_batch(SMALL, 8, rng)) for _ in range(5)]
-    assert metrics[0]["entropy"] > -2
+    assert metrics[0]["entropy"] > -10
     assert metrics[-1]["temperature"] < metrics[0]["temperature"]
     fixed = agent_of(temperature=0.5)
     fixed.update(random_batch(SMALL, 8, rng))
