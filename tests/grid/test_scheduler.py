@@ -179,11 +179,11 @@ def test_a_program_that_cannot_be_started(cells, monkeypatch):
 
 def test_a_cell_killed_by_somebody_else_is_resumed(cells, capsys):
     """Killed in the middle by a person or the kernel, it continues from its checkpoint."""
-    set_up_fakes(cells, stack2_sac_0={"pace": 0.1})
+    set_up_fakes(cells, stack2_sac_0={"pace": 0.5})
     killed = []
 
     def kill(statuses):
-        if not killed and statuses[0].progress.epoch >= 4:
+        if not killed and statuses[0].progress.epoch >= 3:
             os.kill(int(starts(cells[0])[0].split()[0]), 9)
             killed.append(True)
 
