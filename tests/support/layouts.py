@@ -1,4 +1,4 @@
-"""Layouts for tests that need no task."""
+"""Layouts of observations and goals that need no task."""
 
 from itertools import combinations
 
