@@ -18,7 +18,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 quickstart: $(INSTALLED)   ## some minutes: trains sac on stack2 until it stacks, shows what it learned, films it
-	test -f runs/quickstart/result.json || $(BIN)/curiobench train --task stack2 --method sac --seed 0 --machine.threads 2 --resume --out runs/quickstart
+	test -f runs/quickstart/result.json || $(BIN)/curiobench train --task stack2 --method sac --starts biased --seed 0 --machine.threads 2 --resume --out runs/quickstart
 	$(BIN)/curiobench table runs/quickstart
 	$(BIN)/curiobench video runs/quickstart --goal "a on b" --out runs/quickstart/a_on_b.gif
 
