@@ -37,7 +37,7 @@ benchmark: $(INSTALLED)   ## ratios measured side by side; leave the machine alo
 fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its pictures
 	$(RUN) docs/make_fidelity.py
 
-presets: $(INSTALLED)   ## writes the tables of docs/presets.md from the runs in results/
+presets: $(INSTALLED)   ## writes tables of the docs from the runs in results/
 	$(RUN) docs/make_presets.py
 
 goal-pictures: $(INSTALLED)   ## draws the pictures of goals that reports show

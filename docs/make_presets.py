@@ -1,4 +1,4 @@
-"""Writes the tables of docs/presets.md, and one of the README, from the runs kept in results/agent: `make presets`."""
+"""Writes tables from the runs kept in results/: `make presets`."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -63,6 +63,19 @@ def learned_table(runs: Iterable[Path]) -> str:
     return markdown(["seed", "1 layer", "2 layers", "3 layers", "goals learned", "mean success", "minutes"], table)
 
 
+def final_table(runs: Iterable[Path]) -> str:
+    """A row a run: mean success after each epoch, success by layer and goals learned at the end."""
+    table = []
+    for run in runs:
+        of_run = read_rows(run / "evaluations.csv")
+        epochs = sorted({int(row["epoch"]) for row in of_run} - {0})
+        means = " · ".join(f"{mean(evaluation(run, epoch)):.2f}" for epoch in epochs)
+        last = last_evaluation(of_run)
+        learned = f"{sum(int(row['learned']) for row in last)} of {len(last)}"
+        table.append([run.name.removeprefix("stack2-"), means, by_layer(last), learned])
+    return markdown(["method and seed", "mean success, epoch by epoch", "by layer at the end", "learned"], table)
+
+
 def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
     """A row a variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
     runs = {"the whole agent": list(whole)}
@@ -100,6 +113,9 @@ if __name__ == "__main__":
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, "make presets"))
+    page = DOCS / "methods" / "table4.md"
+    runs = [*sorted(RUNS.glob("stack2-sac-[01]")), *sorted((RUNS.parent / "table4").iterdir())]
+    page.write_text(replace_section(page.read_text(), "table 4", final_table(runs), "make presets"))
     readme = DOCS.parent / "README.md"
     table = learned_table(sorted(RUNS.glob("stack3-sac-?")))
     readme.write_text(replace_section(readme.read_text(), "plain SAC", table, "make presets"))
