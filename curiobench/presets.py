@@ -69,6 +69,7 @@ PRESETS = MappingProxyType(
             evaluate_every=1,
             episodes_per_goal=10,
             replay=replace(_LAPTOP.replay, capacity=2_000),
+            sac=replace(_LAPTOP.sac, decay_updates=5 * 8 * 20),
         ),
     }
 )
