@@ -1,6 +1,6 @@
 """Tunes ICM on two blocks with Optuna: `python examples/tune.py runs/tune 20` makes 20 trials of one seed.
 
-The study lies in `runs/tune/study.db`: the same command makes 20 more, also after a kill or beside another. A trial ends
+The study lies in `runs/tune/study.db`: the same command makes 20 more, after a kill, or beside another. A trial ends
 after an epoch in which its success is below the median of those before it. Compare the winner on other seeds than this.
 Words behind the number are options of `curiobench train`, such as preset=smoke. Needs the extra `tune`.
 """

@@ -58,7 +58,7 @@ class SlurmJob:
         self._job.cancel(check=False)
 
     def kill(self) -> None:
-        """Cancel it again; SLURM has no faster way that is safe on its nodes."""
+        """Cancel it again; what still runs then ends when SLURM kills it."""
         self._job.cancel(check=False)
 
 

@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import time
 from dataclasses import replace
 
 import pytest
@@ -46,6 +47,15 @@ def assert_same_run(folder, untracked):
     assert numbers(folder) == numbers(untracked)
     first, second = (checkpoint.load(path / CHECKPOINT, TINY.fingerprint())[0] for path in (folder, untracked))
     assert same_state(first, second)
+
+
+def wait_until(condition):
+    """For half a minute: wandb's own process writes its file a moment after the run has closed it."""
+    for _ in range(60):
+        if condition():
+            return
+        time.sleep(0.5)
+    assert condition()
 
 
 def read_tensorboard(folder):
@@ -111,7 +121,7 @@ def test_a_tracker_gets_every_row_in_one_run_and_changes_nothing(
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     train_in_two_parts(tracked(name), tmp_path / "run")
     steps = {"critic_loss": [1, 2, *repeated, 3], "success": [2, *repeated, 3]}
-    assert read(tmp_path / "run") == steps
+    wait_until(lambda: read(tmp_path / "run") == steps)
     assert_same_run(tmp_path / "run", untracked)
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
