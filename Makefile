@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 
 CHROMIUM ?= chromium
 
-.PHONY: setup quickstart test test-slow benchmark fidelity presets goal-pictures report-picture lint format clean
+.PHONY: setup quickstart check test test-slow benchmark fidelity presets goal-pictures report-picture types lint format clean
 
 setup: $(INSTALLED)
 
@@ -18,13 +18,14 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 quickstart: $(INSTALLED)   ## some minutes: trains sac on stack2 until it stacks, shows what it learned, films it
-	test -f runs/quickstart/result.json || $(BIN)/curiobench train --task stack2 --method sac --seed 0 --machine.threads 2 --resume --out runs/quickstart
+	test -f runs/quickstart/result.json || $(BIN)/curiobench train --task stack2 --method sac --starts biased --seed 0 --machine.threads 2 --resume --out runs/quickstart
 	$(BIN)/curiobench table runs/quickstart
 	$(BIN)/curiobench video runs/quickstart --goal "a on b" --out runs/quickstart/a_on_b.gif
 
-test: $(INSTALLED)   ## all checks but the slow ones
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+check: lint types   ## what CI runs: linter, types, all tests but the slow ones, and which branches they miss
+	$(RUN) -m pytest -n 2 --durations 10 --cov --cov-report term:skip-covered
+
+test: $(INSTALLED)   ## all tests but the slow ones
 	$(RUN) -m pytest -n 2 --durations 10
 
 test-slow: $(INSTALLED)   ## the checks that take minutes
@@ -47,6 +48,11 @@ report-picture: $(INSTALLED)   ## photographs the top of the report on results/v
 		--user-data-dir=$$(mktemp -d) --window-size=1280,1500 --screenshot=docs/images/report.png \
 		file://$(CURDIR)/results/v1/report.html
 
+types: $(INSTALLED)   ## mypy on methods/ and tasks/
+	mkdir -p build/types/curiobench
+	ln -sfn $(CURDIR)/methods $(CURDIR)/tasks build/types/curiobench
+	$(BIN)/mypy
+
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -56,4 +62,4 @@ format: $(INSTALLED)
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build *.egg-info .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis

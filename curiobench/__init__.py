@@ -3,7 +3,7 @@
 from curiobench.errors import missing_extra
 from curiobench.tasks.registration import register
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 register()  # gymnasium.make("curiobench/SemanticStack3-v0") works once curiobench is imported
 

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
+MAX_JSON_BYTES = 1 << 24  # of a file that is read: configs, results and records of grids take far less
 _NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 """What fsync answers on file systems without it, such as some network ones."""
 
@@ -58,6 +59,15 @@ def writing_to(path: Path) -> Iterator[None]:
         raise ValueError(f"cannot write to {path}: {error.strerror or error}") from None
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn an OSError into a ValueError, one line, that names what could not be read."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+
+
 def now() -> str:
     """The time in UTC, to the second, as records hold it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -75,8 +85,10 @@ def utf8(text: str) -> bytes:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """An object from a JSON file; raises ValueError, naming the file, where it cannot be read or is something else."""
+    """An object from a JSON file of at most `MAX_JSON_BYTES`; raises ValueError, which names it, on anything else."""
     try:
+        if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_JSON_BYTES):
+            raise ValueError(f"it is no file of at most {MAX_JSON_BYTES:,} bytes")
         values = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"cannot read {path}: {error}") from None

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+from sections import markdown, replace_section
 
 DOCS = Path(__file__).parent
 TESTS = DOCS.parent / "tests"
 sys.path[:0] = [str(TESTS / "tasks"), str(TESTS / "benchmarks")]
 
 import fidelity  # noqa: E402
-import stepping  # noqa: E402
+import test_stepping as stepping  # noqa: E402
 
 from curiobench.tasks import ROBOTS, BatchedStacking, scripts  # noqa: E402
 from curiobench.tasks.rendering import WorldRenderer  # noqa: E402
@@ -81,12 +82,6 @@ def speed_table() -> str:
     return markdown(["", "measured"], rows)
 
 
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """A table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def draw(robot: str) -> None:
     """Four moments of a scripted stack of three, side by side."""
     worlds = BatchedStacking("stack3", 1, robot, seed=12)
@@ -100,17 +95,10 @@ def draw(robot: str) -> None:
     iio.imwrite(DOCS / "images" / f"{robot}_stacks_three.png", np.hstack(pictures))
 
 
-def replace_section(text: str, name: str, content: str, command: str = "make fidelity") -> str:
-    """`text` with what stands between the markers of section `name` replaced."""
-    begin, end = f"<!-- {name}: made by `{command}` -->", f"<!-- end of {name} -->"
-    before, rest = text.split(begin)
-    return before + begin + "\n" + content + "\n" + end + rest.split(end)[1]
-
-
 if __name__ == "__main__":
     page = DOCS / "fidelity.md"
     for name, table in (("robots", robots_table), ("open loop", open_loop_table), ("speed", speed_table)):
-        page.write_text(replace_section(page.read_text(), name, table()))
+        page.write_text(replace_section(page.read_text(), name, table(), "make fidelity"))
         print(f"measured: {name}", flush=True)
     for robot in ROBOTS:
         draw(robot)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from make_fidelity import markdown, replace_section
+from sections import markdown, replace_section
 
 from curiobench.evaluation import last_evaluation, learned_by_layer
 from curiobench.run_folder import read_rows
@@ -99,7 +99,7 @@ if __name__ == "__main__":
         "biased starts": curve_table(sorted(RUNS.glob("biased/*")), every=8),
     }
     for name, table in tables.items():
-        page.write_text(replace_section(page.read_text(), name, table, command="make presets"))
+        page.write_text(replace_section(page.read_text(), name, table, "make presets"))
     readme = DOCS.parent / "README.md"
     table = learned_table(sorted(RUNS.glob("stack3-sac-?")))
-    readme.write_text(replace_section(readme.read_text(), "plain SAC", table, command="make presets"))
+    readme.write_text(replace_section(readme.read_text(), "plain SAC", table, "make presets"))

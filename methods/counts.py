@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from curiobench.methods.curriculum import NoSettings
-from curiobench.methods.reward import Collected, IntrinsicReward, Transitions
+from curiobench.methods.reward import Collected, IntrinsicReward, Transitions, given
 
 LARGEST_BITS = 62
 """Predicates that fit the number which stands for a configuration."""
@@ -57,7 +57,8 @@ class Counts(IntrinsicReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,)."""
-        return self.number_of_visits(transitions.next_achieved_goal).clamp(min=1).float().rsqrt()
+        reached = given(transitions.next_achieved_goal, "next_achieved_goal")
+        return self.number_of_visits(reached).clamp(min=1).float().rsqrt()
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
         """Nothing is learned from a batch. Metrics: counts_configurations, how many were met."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -23,6 +23,7 @@ from curiobench.methods.moments import RunningMoments
 from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
 
 Normalise = Callable[[Tensor], Tensor]
+Maybe = TypeVar("Maybe", Tensor, Tensor | None)
 
 
 class Curiosity:
@@ -85,7 +86,7 @@ class Curiosity:
         """
         before, after = map(self.visible, states)
 
-        def moved(part: Tensor | None, dtype: torch.dtype | None = torch.float32) -> Tensor | None:
+        def moved(part: Maybe, dtype: torch.dtype | None = torch.float32) -> Maybe:
             return None if part is None else part.to(before.device, dtype or part.dtype)
 
         def seen(raw: Tensor | None, wanted: bool) -> Tensor | None:

@@ -33,6 +33,7 @@ Differences from the authors' code (seungyulhan/dac), which extends SAC with a s
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -40,7 +41,7 @@ from torch.nn import functional as F
 
 from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
-from curiobench.methods.reward import PolicyView, Transitions
+from curiobench.methods.reward import PolicyView, Transitions, given
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,9 @@ class DAC(LearnedReward):
         hidden = [config.hidden, config.hidden, 1]
         self.ratio = perceptron([state_size + goal_size + action_size, *hidden], generator, out_gain=0.1)
         self.alpha_network = perceptron([state_size, *hidden], generator, out_gain=0.1) if config.adapt_alpha else None
-        networks = {"ratio": self.ratio} | ({"alpha_network": self.alpha_network} if config.adapt_alpha else {})
+        networks = {"ratio": self.ratio}
+        if self.alpha_network is not None:
+            networks["alpha_network"] = self.alpha_network
         self.optimiser = adam(networks.values(), config.learning_rate)
         self._STATEFUL = (*networks, "optimiser")
 
@@ -104,7 +107,7 @@ class DAC(LearnedReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,) of the stored actions. Raises ValueError without a view of the policy."""
-        policy = view_of(transitions)
+        policy = given(transitions.policy, "policy")
         logit = self.logit(transitions.state, policy.desired_goal, transitions.action)
         return self.clipped_surprise(logit, self.log_alpha(transitions.state), policy.stored_log_prob)
 
@@ -118,7 +121,7 @@ class DAC(LearnedReward):
         Metrics: dac_ratio_loss; dac_ratio_policy and dac_ratio_stored, the means of R at the policy's and at stored
         actions; dac_alpha, the mean of alpha; dac_alpha_loss if it is adapted.
         """
-        policy, state = view_of(transitions), transitions.state
+        policy, state = given(transitions.policy, "policy"), transitions.state
         actions = torch.cat([policy.action, transitions.action])
         own, stored = self.logit(state.repeat(2, 1), policy.desired_goal.repeat(2, 1), actions).chunk(2)
         log_alpha = self.log_alpha(state)
@@ -127,7 +130,7 @@ class DAC(LearnedReward):
         losses = {"dac_ratio_loss": ratio_loss}
         if self.alpha_network is not None:
             losses["dac_alpha_loss"] = self.alpha_loss(log_alpha, own.detach(), stored.detach(), policy)
-        descend(self.optimiser, sum(losses.values()))
+        descend(self.optimiser, reduce(torch.add, losses.values()))
         means = {"dac_ratio_policy": own.sigmoid(), "dac_ratio_stored": stored.sigmoid(), "dac_alpha": alpha}
         return {name: value.detach() for name, value in losses.items()} | {
             n: v.detach().mean() for n, v in means.items()
@@ -139,10 +142,3 @@ class DAC(LearnedReward):
         of_policy = self.surprise(own, log_alpha, policy.log_prob)
         of_buffer = self.clipped_surprise(stored, log_alpha, policy.stored_log_prob)
         return (alpha * of_policy + (1 - alpha) * of_buffer + alpha * self.config.control * self.action_size).mean()
-
-
-def view_of(transitions: Transitions) -> PolicyView:
-    """The policy's view. Raises ValueError where the agent gives none."""
-    if transitions.policy is None:
-        raise ValueError("DAC needs an agent that fills in `Transitions.policy`")
-    return transitions.policy

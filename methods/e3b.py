@@ -21,7 +21,7 @@ from torch import Tensor
 
 from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend
-from curiobench.methods.reward import Transitions
+from curiobench.methods.reward import Transitions, given
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,9 @@ class E3B(LearnedReward):
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,)."""
-        features = self.phi(transitions.episode_states)  # (B, T + 1, F)
+        features = self.phi(given(transitions.episode_states, "episode_states"))  # (B, T + 1, F)
         place = torch.arange(features.shape[1], device=features.device)
-        before = place <= transitions.step.unsqueeze(1)
+        before = place <= given(transitions.step, "step").unsqueeze(1)
         visited = (features * before.unsqueeze(2)).double()  # in float32 a long rest makes C singular
         ridge = self.config.ridge * torch.eye(features.shape[2], dtype=torch.float64, device=features.device)
         covariance = visited.mT @ visited + ridge

@@ -4,7 +4,7 @@ import copy
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -81,7 +81,7 @@ class LearnedReward(IntrinsicReward):
     The generator is not among them: it is the agent's, which saves it.
     """
 
-    _STATEFUL: ClassVar[tuple[str, ...]]
+    _STATEFUL: tuple[str, ...]
 
     def state_dict(self) -> dict[str, Any]:
         """A copy of all that the method holds."""

@@ -21,7 +21,7 @@ def neighbour_distances(points: Tensor, particles: Tensor | None, k: int) -> Ten
     Raises:
         ValueError: there are no particles, or fewer than k, or k is below 1.
     """
-    n = 0 if particles is None else len(particles)
-    if not 1 <= k <= n:
+    if particles is None or not 1 <= k <= len(particles):
+        n = 0 if particles is None else len(particles)
         raise ValueError(f"k is {k}; it must lie between 1 and the number of particles, which is {n}")
     return torch.cdist(points.detach(), particles.detach()).topk(k, dim=1, largest=False).values

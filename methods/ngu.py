@@ -23,7 +23,7 @@ from torch import Tensor
 from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend
 from curiobench.methods.moments import RunningMoments
-from curiobench.methods.reward import Transitions
+from curiobench.methods.reward import Transitions, given
 
 WINDOW = 100
 """Updates over which the running mean of distances forgets."""
@@ -79,10 +79,10 @@ class NGU(LearnedReward):
 
     @torch.no_grad()
     def _nearest(self, transitions: Transitions) -> Tensor:
-        features = self.phi(transitions.episode_states)
+        features = self.phi(given(transitions.episode_states, "episode_states"))
         squared = (features - self.phi(transitions.next_state).unsqueeze(1)).square().sum(2)
         place = torch.arange(squared.shape[1], device=squared.device)
-        squared = squared.masked_fill(place > transitions.step.unsqueeze(1), torch.inf)
+        squared = squared.masked_fill(place > given(transitions.step, "step").unsqueeze(1), torch.inf)
         return squared.topk(min(self.config.k, squared.shape[1]), dim=1, largest=False).values
 
     @torch.no_grad()

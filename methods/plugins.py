@@ -14,6 +14,7 @@ import importlib
 import inspect
 import os
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -96,7 +97,7 @@ def _culprit(error: BaseException) -> str:
     """File and line of the source that an import failed in."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}"
-    frames = inspect.getinnerframes(error.__traceback__)
+    frames = traceback.extract_tb(error.__traceback__)
     outside = [f for f in frames if not f.filename.startswith("<frozen importlib") and f.filename != __file__]
     return next((f"{f.filename}, line {f.lineno}" for f in outside if f.filename != importlib.__file__), "unknown file")
 
@@ -115,7 +116,8 @@ def _check_config(method: type[Method], where: str) -> None:
     """Raise ValueError unless `Config` can be shown as flags, kept as JSON and made without arguments."""
     where = f"{where}: {method.__name__}.Config"
     config = getattr(method, "Config", None)
-    if not (inspect.isclass(config) and is_dataclass(config) and config.__dataclass_params__.frozen):
+    frozen = getattr(getattr(config, "__dataclass_params__", None), "frozen", False)
+    if not (inspect.isclass(config) and is_dataclass(config) and frozen):
         raise ValueError(f"{where} is {config!r}; expected a dataclass with frozen=True")
     try:
         config()

@@ -7,6 +7,7 @@ Methods from outside need no registration here; see plugins.py.
 
 import difflib
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -125,14 +126,19 @@ def make_agent(
         ValueError: no legal spec, or the curiosity method cannot be built; one line that names its file.
     """
     parsed = parse_spec(spec)
-    intrinsic = parsed.reward and _build(parsed, layout, settings or parsed.reward.Config(), generator)
+    if parsed.reward is None:
+        return SAC(layout, config, generator)
+    intrinsic = _build(parsed.reward, parsed.text, layout, settings or parsed.reward.Config(), generator)
     if parsed.hybrid:
         return HybridAgent(layout, config, generator, intrinsic, hybrid)
     return SAC(layout, config, generator, intrinsic)
 
 
-def _build(parsed: MethodSpec, layout: PairLayout, settings: object, generator: torch.Generator) -> IntrinsicReward:
-    goals = {"goal_size": layout.goal_size} if parsed.reward.uses_policy else {}
+def _build(
+    method: type[IntrinsicReward], spec: str, layout: PairLayout, settings: object, generator: torch.Generator
+) -> IntrinsicReward:
+    goals = {"goal_size": layout.goal_size} if method.uses_policy else {}
     state_size = len(layout.columns(getattr(settings, "sees", "full")))
-    with building(parsed.reward, parsed.text):
-        return parsed.reward(state_size, layout.action_size, settings, generator, **goals)
+    make: Callable[..., IntrinsicReward] = method  # what it takes is convention, see `IntrinsicReward`
+    with building(method, spec):
+        return make(state_size, layout.action_size, settings, generator, **goals)

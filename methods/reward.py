@@ -10,14 +10,16 @@ A method does not know which agent uses it, and the agent does not know which me
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from curiobench.methods.checks import Sees
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Batch:
     @classmethod
     def from_numpy(cls, arrays: Mapping[str, np.ndarray | None]) -> "Batch":
         """Arrays named like the fields, shared without copying. Raises TypeError on a missing or unknown name."""
-        return cls(**{name: None if array is None else torch.from_numpy(array) for name, array in arrays.items()})
+        return cls(**{name: torch.from_numpy(array) for name, array in arrays.items() if array is not None})
 
 
 @dataclass(frozen=True)
@@ -111,13 +113,19 @@ class Transitions:
 
     def rows(self, places: Tensor) -> "Transitions":
         """Those at places (N,) of the batch."""
-        parts = {
-            name: part[places] if isinstance(part, Tensor) and name != "particles" else part
-            for name, part in vars(self).items()
+        parts: dict[str, Any] = {
+            name: part[places] for name, part in vars(self).items() if isinstance(part, Tensor) and name != "particles"
         }
         if self.policy is not None:
             parts["policy"] = PolicyView(**{name: part[places] for name, part in vars(self.policy).items()})
-        return Transitions(**parts)
+        return replace(self, **parts)
+
+
+def given(part: Part | None, name: str) -> Part:
+    """A part of `Transitions` that a method reads; raises ValueError where the caller left it out."""
+    if part is None:
+        raise ValueError(f"this method needs `Transitions.{name}`, which is None")
+    return part
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from curiobench.methods.checks import check_positive
 from curiobench.methods.learned import InverseFeatures, LearnedReward, adam, descend, perceptron
-from curiobench.methods.reward import Transitions
+from curiobench.methods.reward import Transitions, given
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,10 @@ class RIDE(LearnedReward):
     @staticmethod
     def visits(transitions: Transitions) -> Tensor:
         """N_ep(s') (B,), at least 1: steps up to s' at which the episode's predicates were those of s'."""
-        same = (transitions.episode_achieved_goals == transitions.next_achieved_goal.unsqueeze(1)).all(2)
+        goals = given(transitions.episode_achieved_goals, "episode_achieved_goals")
+        same = (goals == given(transitions.next_achieved_goal, "next_achieved_goal").unsqueeze(1)).all(2)
         place = torch.arange(same.shape[1], device=same.device)
-        return (same & (place <= transitions.step.unsqueeze(1) + 1)).sum(1).clamp(min=1)
+        return (same & (place <= given(transitions.step, "step").unsqueeze(1) + 1)).sum(1).clamp(min=1)
 
     @torch.no_grad()
     def reward(self, transitions: Transitions) -> Tensor:

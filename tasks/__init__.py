@@ -5,6 +5,8 @@
 all about a task.
 """
 
+from typing import Any
+
 from curiobench.tasks import opengl
 from curiobench.tasks.registration import TASK_VERSION, TASKS, task_spec
 from curiobench.tasks.spec import ROBOTS, TaskSpec
@@ -14,7 +16,7 @@ opengl.choose()  # here, because MuJoCo and dm_control choose their renderer whe
 __all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "TaskSpec", "load", "task_spec"]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     # imported on first use: MuJoCo takes half a second to load, and `curiobench --help` needs none of it
     if name == "load":
         from curiobench.tasks.stacking import load

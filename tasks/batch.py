@@ -5,7 +5,9 @@ them together; a world is reset by writing its positions and velocities. Nothing
 """
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -266,7 +268,7 @@ class BatchedStacking:
             "rng": self.rng.bit_generator.state,
         }
 
-    def load_state_dict(self, state: dict[str, object]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Takes up where `state_dict` was taken."""
         self._state[:] = state["state"]
         self.desired_goal[:] = state["desired_goal"]
@@ -279,7 +281,7 @@ class BatchedStacking:
         names = ("n_worlds", "spec", "goal_space", "_probabilities", "_bound", "model", "rng", "diverged")
         return {name: vars(self)[name] for name in names} | {"n_threads": len(self._data), "kept": self.state_dict()}
 
-    def __setstate__(self, state: dict[str, object]) -> None:
+    def __setstate__(self, state: dict[str, Any]) -> None:
         kept, n_threads, diverged = (state.pop(name) for name in ("kept", "n_threads", "diverged"))
         vars(self).update(state)
         self._make_buffers(n_threads)

@@ -82,7 +82,7 @@ class _ArmHand(Hand):
     )
 
     def __init__(self, model: mujoco.MjModel):
-        super().__init__(model, tuple(f"robot/robot0:{side}_gripper_finger_joint" for side in "rl"))
+        super().__init__(model, ("robot/robot0:r_gripper_finger_joint", "robot/robot0:l_gripper_finger_joint"))
         self._model = model
         self._data = mujoco.MjData(model)  # scratch for forward kinematics
         self._hand = model.body("robot/robot0:gripper_link").id
@@ -116,20 +116,22 @@ class _ArmHand(Hand):
 
 
 def _assets() -> Path:
-    if importlib.util.find_spec("gymnasium_robotics") is None:
-        raise ValueError("the robot 'fetch' needs the meshes of gymnasium-robotics: pip install 'curiobench[fetch]'")
     # found without importing it: the package registers environments and wants its own renderer
-    return Path(importlib.util.find_spec("gymnasium_robotics").origin).parent / "envs" / "assets"
+    package = importlib.util.find_spec("gymnasium_robotics")
+    if package is None or package.origin is None:
+        raise ValueError("the robot 'fetch' needs the meshes of gymnasium-robotics: pip install 'curiobench[fetch]'")
+    return Path(package.origin).parent / "envs" / "assets"
 
 
 def _fetch_xml() -> str:
     """One self-contained model from the package's shared and robot files, less what the task brings itself."""
     shared = ElementTree.parse(_assets() / "fetch" / "shared.xml").getroot()
     robot = ElementTree.parse(_assets() / "fetch" / "robot.xml").getroot()
-    assets = shared.find("asset")
-    for texture in assets.findall("texture"):
-        assets.remove(texture)
-    shared.remove(shared.find("equality"))
+    for assets in shared.findall("asset"):
+        for texture in assets.findall("texture"):
+            assets.remove(texture)
+    for equality in shared.findall("equality"):
+        shared.remove(equality)
     shared.insert(0, ElementTree.Element("compiler", angle="radian", meshdir="stls/fetch"))  # before the meshes
     world = ElementTree.SubElement(shared, "worldbody")
     world.extend(body for body in robot.findall("body") if body.get("mocap") is None)

@@ -78,7 +78,7 @@ def _to_bits(space: "GoalSpace", on: Relations, close: Relations) -> np.ndarray:
 def _implied(on: Relations) -> Relations:
     """Close pairs that need no mention: a block and its support, and the two supports of a pyramid's top."""
     implied = {(min(pair), max(pair)) for pair in on}
-    return implied | {tuple(supports) for _, supports in _supports(on) if len(supports) == 2}
+    return implied | {(supports[0], supports[1]) for _, supports in _supports(on) if len(supports) == 2}
 
 
 def _supports(on: Relations) -> Iterator[tuple[int, list[int]]]:

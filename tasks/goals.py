@@ -14,6 +14,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 
@@ -121,7 +122,7 @@ class GoalSpace:
     def __len__(self) -> int:
         return len(self.goals)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return goal_space, (self.n_blocks, self._keeps)  # copies and pickles are the one goal space of their process
 
     @cached_property

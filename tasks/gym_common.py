@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 
 from curiobench.tasks.batch import BatchedStacking, Observation
+from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.rendering import WorldRenderer, check_picture
 
-METADATA = {"render_modes": ["rgb_array"], "render_fps": 25}
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}
 
 
 def observation_space(worlds: BatchedStacking) -> gym.spaces.Dict:
@@ -56,7 +57,7 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
     if unknown := set(options) - {"goal", "biased"}:
         raise ValueError(f"unknown reset option {min(unknown)!r}: the options are goal, biased")
     n, space = worlds.n_worlds, worlds.goal_space
-    goals = options.get("goal")
+    goals: Any = options.get("goal")
     if not _is_list_of_goals(goals):
         goals = [goals]
     elif len(goals) != n:
@@ -72,7 +73,7 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
     }
 
 
-def _is_list_of_goals(goal: object) -> bool:
+def _is_list_of_goals(goal: Any) -> bool:
     """Whether it holds goals rather than the bits of one."""
     listed = isinstance(goal, list | tuple) or (isinstance(goal, np.ndarray) and goal.ndim > 0)
     return listed and any(isinstance(entry, str) or not np.isscalar(entry) for entry in goal)
@@ -88,6 +89,9 @@ def start(worlds: BatchedStacking, options: dict[str, np.ndarray], which: np.nda
 
 class GoalWorlds:
     """Goals, states, copies and pictures; the half of both environments that does not depend on how many worlds."""
+
+    np_random: np.random.Generator
+    """Gymnasium's."""
 
     def _open(self, worlds: BatchedStacking, render_mode: str | None, height: int, width: int, camera: str) -> None:
         if render_mode not in (None, *METADATA["render_modes"]):
@@ -105,8 +109,8 @@ class GoalWorlds:
         self._data: mujoco.MjData | None = None
 
     @property
-    def goal_space(self):
-        """The task's predicates and valid goals, a `GoalSpace`."""
+    def goal_space(self) -> GoalSpace:
+        """The task's predicates and valid goals."""
         return self._worlds.goal_space
 
     @property

@@ -66,13 +66,13 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
         """
         if self._data is None:
             self._data = mujoco.MjData(self.model)
-            self._follow()
+            self._follow(self._data)
         return self._data
 
-    def _follow(self) -> None:
-        self._data.qpos[:], self._data.qvel[:] = self._worlds.qpos[0], self._worlds.qvel[0]
-        self._data.time = self._worlds.step_counts[0] * CONTROL_TIMESTEP
-        mujoco.mj_step1(self.model, self._data)
+    def _follow(self, data: mujoco.MjData) -> None:
+        data.qpos[:], data.qvel[:] = self._worlds.qpos[0], self._worlds.qvel[0]
+        data.time = self._worlds.step_counts[0] * CONTROL_TIMESTEP
+        mujoco.mj_step1(self.model, data)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -91,7 +91,7 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
 
     def _show(self, seen: Observation) -> dict[str, np.ndarray]:
         if self._data is not None:
-            self._follow()
+            self._follow(self._data)
         return {name: array[0] for name, array in as_dict(seen).items()}
 
     def _info(self, reward: np.ndarray, diverged: bool) -> dict[str, Any]:
@@ -100,7 +100,7 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
     def render(self) -> np.ndarray | None:
         """A picture `(height, width, 3)` uint8; None without render mode."""
         pictures = self._pictures()
-        return pictures and pictures[0]
+        return None if pictures is None else pictures[0]
 
     def close(self) -> None:
         """Frees the renderer."""

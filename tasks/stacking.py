@@ -102,7 +102,7 @@ class SemanticStacking(composer.Task):
         self.biased = biased
         self._probabilities = probabilities or BiasedStarts()
         self._fixed_goal = None if goal is None else self.goal_space.parse(goal)
-        self._goal = self.goal_space.goals[0] if goal is None else self._fixed_goal
+        self._goal = self.goal_space.goals[0] if self._fixed_goal is None else self._fixed_goal
         self._step_count = 0
         self._robot = robot
         self._arena = spec.arena()

@@ -1,4 +1,4 @@
-"""What `pip install curiobench` does without an extra, and the examples for trainers of one's own."""
+"""What `pip install curiobench` does without an extra, and the examples for other trainers."""
 
 import re
 import subprocess

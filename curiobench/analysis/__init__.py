@@ -1,21 +1,27 @@
 """From runs to results: frames, statistics, tables, figures, reports, and the published sets, which `load` reads."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.folders import available
+from curiobench.analysis.folders import available, locate
 from curiobench.errors import missing_extra
 
 if TYPE_CHECKING:
-    from curiobench.analysis.frames import load
+    from curiobench.analysis.frames import Results
 
 __all__ = ["available", "load"]
 
 
-def __getattr__(name: str):
-    if name == "load":  # imported on first use: pandas takes half a second
-        try:
-            from curiobench.analysis.frames import load
-        except ModuleNotFoundError as error:
-            raise ImportError(missing_extra(error)) from None
-        return load
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def load(name: str | Path) -> "Results":
+    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
+
+    Raises ValueError where there is no such set, or a file of it is damaged, ImportError without the extra `train`.
+    """
+    try:
+        from curiobench.analysis.frames import read_results  # pandas takes half a second to import
+    except ModuleNotFoundError as error:
+        raise ImportError(missing_extra(error)) from None
+    results = read_results([locate(name)])
+    if results.faults:
+        raise ValueError("; ".join(results.faults))
+    return results

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS = ("pdf", "png", "svg")  # formats that a figure can be saved in
+_METADATA = {"pdf": {"CreationDate": None}, "png": {"Software": None}, "svg": {"Date": None}}
+"""By format, what would change from day to day, or with the version of matplotlib, and is left out of the files."""
+FORMATS = tuple(_METADATA)  # formats that a figure can be saved in
 
 
 def import_matplotlib() -> ModuleType:
@@ -48,33 +50,12 @@ def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
 
 
 def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
-    """Save a figure as `path` with the suffix of each format; returns the files. It is not to be used afterwards.
-
-    It is laid out and drawn once for each format, which `Figure.savefig` does more often.
-    """
-    dpi = figure.dpi
+    """Save a figure as `path` with the suffix of each format; returns the files. It is not to be used afterwards."""
     paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
     for file, suffix in zip(paths, formats, strict=True):
-        figure.dpi = dpi  # a vector format leaves its own
-        _print(figure, file, suffix)
+        figure.savefig(file, metadata=_METADATA[suffix])
         figure.set_layout_engine("none")  # the layout of the first format serves all
     return paths
-
-
-def _print(figure: "Figure", file: Path, suffix: str) -> None:
-    """Write one file without what would change from day to day, or from one version of matplotlib to the next."""
-    if suffix == "pdf":
-        from matplotlib.backends.backend_pdf import FigureCanvasPdf
-
-        FigureCanvasPdf(figure).print_pdf(file, metadata={"CreationDate": None})
-    elif suffix == "svg":
-        from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
-    else:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
 
 
 @settings()

@@ -9,7 +9,7 @@ import numpy as np
 from curiobench.analysis.canvas import new_figure
 from curiobench.analysis.lines import number_axis
 from curiobench.analysis.samples import Sample, TaskSamples
-from curiobench.analysis.statistics import area_under_curve, curve_interval
+from curiobench.analysis.statistics import curve_interval
 from curiobench.analysis.style import SMALL, TEXT, TEXT_WIDTH, labels, layer_in_words, styles
 
 if TYPE_CHECKING:
@@ -38,11 +38,6 @@ def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figur
     return [_compared(task, samples[i : i + ROWS]) for i in range(0, len(samples), ROWS)]
 
 
-def success_over_training(sample: Sample) -> np.ndarray:
-    """(S,) success over all goals, averaged over the evaluations that all runs have."""
-    return area_under_curve(sample.epochs, sample.success[..., 0])
-
-
 def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     """Learned goals, in all and of each layer, above success."""
     learned = [
@@ -52,7 +47,7 @@ def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     before = task.untrained and task.untrained.success
     success = [
         Score("at the end", lambda sample: sample.last_success[:, 0], untrained=before),
-        Score("over training (area under the curve)", success_over_training, untrained=before),
+        Score("over training (area under the curve)", lambda sample: sample.area, untrained=before),
     ]
     rows = {"learned goals": learned, "mean success": success}
     figure = new_figure(TEXT_WIDTH, 1.0 + len(rows) * (0.45 + 0.19 * len(samples)))

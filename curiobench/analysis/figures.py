@@ -1,4 +1,4 @@
-"""`curiobench figure`: every figure of a set of runs, as files."""
+"""`curiobench figure`: every figure of a set of runs, as files, and what is drawn in each."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,21 +7,78 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from curiobench.analysis.canvas import FORMATS, save
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
-from curiobench.analysis.curves import draw_bonus, draw_exploitation, draw_learned, draw_profile, draw_success
 from curiobench.analysis.frames import Results
+from curiobench.analysis.lines import Axis, Panel, draw_lines
 from curiobench.analysis.options import count_partial
 from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
-from curiobench.analysis.statistics import seed_warnings
-from curiobench.analysis.style import base, caption, method_name, seeds_in_words, theme
+from curiobench.analysis.statistics import performance_profile, seed_warnings
+from curiobench.analysis.style import base, caption, layer_in_words, method_name, seeds_in_words, theme
+from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Samples = Sequence[Sample]
+MOST_POINTS = 150  # points that are drawn of one curve, evenly spread: a panel is no more than a few hundred dots wide
+THRESHOLDS = np.linspace(0, 1, 101)  # τ of a profile, success from 0 to 1
+
+
+def draw_success(task: TaskSamples, samples: Samples) -> list["Figure"]:
+    """Mean success over epochs: all goals, then the goals of each layer."""
+    panels = [
+        Panel(f"{layer_in_words(layer)} ({size})", lambda s, place=place: thinned(s.epochs, s.success[..., place]))
+        for place, (layer, size) in enumerate(task.sizes.items())
+    ]
+    return draw_lines(samples, panels, _epochs(task, "success"))
+
+
+def draw_learned(task: TaskSamples, samples: Samples) -> list["Figure"]:
+    """Learned goals over epochs."""
+    panel = Panel("", lambda sample: thinned(sample.epochs, sample.learned[..., 0]), task.sizes[0])
+    return draw_lines(samples, [panel], _epochs(task, f"learned goals, of {task.sizes[0]}"))
+
+
+def draw_profile(task: TaskSamples, samples: Samples) -> list["Figure"]:
+    """Share of goals and seeds whose final success is above τ, over τ; a seed's goals are resampled together."""
+
+    def profile(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+        return THRESHOLDS, np.stack([performance_profile(seed[None], THRESHOLDS) for seed in sample.goal_success])
+
+    return draw_lines(samples, [Panel("", profile)], Axis("final success τ", "share above τ", integers=False))
+
+
+def _draw_logged(task: TaskSamples, samples: Samples, column: str, name: str) -> list["Figure"]:
+    """A column of progress.csv over epochs."""
+    return draw_lines(samples, [Panel("", lambda sample: thinned(*sample.logged[column]))], _epochs(task, name))
+
+
+draw_exploitation = partial(_draw_logged, column="share_exploitation", name=r"share of $\pi_d$")
+draw_bonus = partial(_draw_logged, column="bonus_spread", name=r"spread of $\tau \cdot n(r_{int})$")
+
+
+def thinned(epochs: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most `MOST_POINTS` of the epochs (E,) and values (S, E), evenly spread, first and last among them."""
+    kept = np.unique(np.linspace(0, len(epochs) - 1, min(len(epochs), MOST_POINTS)).round().astype(int))
+    return epochs[kept], values[:, kept]
+
+
+def _epochs(task: TaskSamples, y: str) -> Axis:
+    """An x axis of epochs, with environment steps where an epoch has as many in all runs."""
+    if task.steps_per_epoch is None:
+        return Axis("epoch", y)
+    millions = task.steps_per_epoch / 1e6
+    return Axis("epoch (million steps)", y, lambda epoch: f"{epoch:.0f}\n({_short(epoch * millions)})")
+
+
+def _short(number: float) -> str:
+    """Three digits, or all before the decimal point."""
+    return f"{number:.3g}" if number < 100 else f"{number:.0f}"
 
 
 @dataclass(frozen=True)
@@ -128,12 +185,9 @@ def draw_figures(
                 chosen.append((f"{task.task}-{name}", kind, task, samples))
     if not chosen:
         raise ValueError(f"no run of a method in the paper's figures, such as {', '.join(CURIOUS)}")
-    try:
+    with writing_to(out), theme():
         out.mkdir(parents=True, exist_ok=True)
-        with theme():
-            files = parallel_map(partial(_write, out=out, formats=formats), chosen, processes)
-    except OSError as error:
-        raise ValueError(f"cannot write to {out}: {error.strerror}") from None
+        files = parallel_map(partial(_write, out=out, formats=formats), chosen, processes)
     return [file for of_one in files for file in of_one]
 
 

@@ -7,15 +7,14 @@ from os.path import isfile  # which raises nothing, where Path.exists may
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from curiobench.files import read_json
+from curiobench.files import read_json, reading
 
-GRID_FORMAT = "curiobench grid"
+GRID_FILE, GRID_FORMAT = "grid.json", "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
 """The frames `runs`, `evaluations` and `progress` of a published set."""
 CONFIGS = "configs"  # folder of a published set with each run's config.json, named after the run
 SUMS = "SHA256SUMS"  # digests of a set's files, as `sha256sum --check` reads them
 _VERSION = re.compile(r"v[1-9]\d*")
-_MAX_GRID_BYTES, _MAX_SUMS_BYTES = 1 << 24, 1 << 20
 
 
 class GridRun(NamedTuple):
@@ -35,7 +34,7 @@ def is_published(path: Path) -> bool:
 
 
 def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
-    """Run folders at a path with what a grid expects in each, and one line on each that a grid lacks or is no run.
+    """Run folders at a path with the run that a grid expects in each, and a line on each missing or foreign folder.
 
     Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.
     """
@@ -45,8 +44,9 @@ def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
         return {path: None}, []
     inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
     runs = [child for child in inside if isfile(child / "config.json")]
-    if isfile(path / "grid.json"):
-        expected = _read_grid(path)
+    if isfile(path / GRID_FILE):
+        cells = read_grid(path)["cells"]
+        expected = {path / cell["folder"]: GridRun(*map(cell.get, GridRun._fields)) for cell in cells}
         found = {folder: run for folder, run in expected.items() if isfile(folder / "config.json")}
         faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in found]
         ours = {path / folder.relative_to(path).parts[0] for folder in expected}
@@ -61,21 +61,21 @@ def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
     ]
 
 
-def _read_grid(path: Path) -> dict[Path, GridRun]:
-    """The runs of a grid by folder, from its grid.json; raises ValueError where it is damaged."""
-    file = path / "grid.json"
-    if not file.is_file() or file.stat().st_size > _MAX_GRID_BYTES:
-        raise ValueError(f"{file} is no list of cells")
+def read_grid(path: Path) -> dict[str, Any]:
+    """What the grid.json in a folder holds; raises ValueError where it cannot be read, or a cell of it is damaged."""
+    file = path / GRID_FILE
     grid = read_json(file)
     if grid.get("format") != GRID_FORMAT:
         raise ValueError(f"{file} is not a grid's: its format is {grid.get('format')!r:.80}")
-    if not isinstance(grid.get("cells"), list):
-        raise ValueError(f"{file} has no list of cells")
-    return {path / _folder(file, cell): GridRun(*map(cell.get, GridRun._fields)) for cell in grid["cells"]}
+    if not isinstance(grid.get("cells"), list) or not isinstance(grid.get("commands", []), list):
+        raise ValueError(f"{file} has no list of cells and of commands")
+    for cell in grid["cells"]:
+        _check_cell(file, cell)
+    return grid
 
 
-def _folder(file: Path, cell: Any) -> str:
-    """Folder of a cell of grid.json, checked: it lies below the grid's."""
+def _check_cell(file: Path, cell: Any) -> None:
+    """Raises ValueError where a cell of grid.json lacks a field, or its folder is not below the grid's."""
     kinds = {"folder": str, "task": str, "method": str, "seed": int}
     sound = isinstance(cell, dict) and all(type(cell.get(name)) is kind for name, kind in kinds.items())
     if not sound or not (cell["task"] + cell["method"]).isprintable():
@@ -83,7 +83,6 @@ def _folder(file: Path, cell: Any) -> str:
     folder = PurePosixPath(cell["folder"])
     if folder.is_absolute() or ".." in folder.parts or not folder.parts or not cell["folder"].isprintable():
         raise ValueError(f"{file} has the cell {cell['folder']!r}; a cell is a folder below the grid's")
-    return cell["folder"]
 
 
 def available() -> list[str]:
@@ -115,12 +114,8 @@ def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
     """Raises ValueError where a file of a published set has another digest than its SHA256SUMS says."""
     sums = read_sums(folder)
     for name, path in ((name, folder / name) for name in files):
-        try:
-            if not path.is_file():
-                raise ValueError(f"{path} is no file")
+        with reading(path):
             found = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise ValueError(f"cannot read {path}: {error.strerror}") from None
         if sums.get(name) != found:
             raise ValueError(f"{path} is not the file that was published: {SUMS} has another digest of it")
 
@@ -128,12 +123,8 @@ def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
 def read_sums(folder: Path) -> dict[str, str]:
     """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
     path = folder / SUMS
-    try:
-        if path.exists() and not (path.is_file() and path.stat().st_size <= _MAX_SUMS_BYTES):
-            raise ValueError(f"{path} is no file of at most {_MAX_SUMS_BYTES:,} bytes")
+    with reading(path):
         lines = path.read_text("utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 
 

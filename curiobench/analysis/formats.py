@@ -11,12 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from curiobench.analysis.frames import Results, read_results, tell_faults
+from curiobench.analysis.frames import Results, print_faults, read_results
 from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import Estimate, Value, summarise
-from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
-from curiobench.files import replace_file, utf8
+from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_table, summarise
+from curiobench.files import replace_file, utf8, writing_to
 from curiobench.methods.specs import shown
 from curiobench.terminal import draws, wrapped
 from curiobench.terminal import width as terminal_width
@@ -27,9 +26,9 @@ if TYPE_CHECKING:
 
     from curiobench.cli.arguments import TableArguments
 
-MISSING = "–"  # in the place of a value that there is none of
+MISSING = "–"  # for a value that is missing
 MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
-"""What is written down about the runs that a table was made from."""
+"""Columns of the list of runs that a table was made from."""
 _LATEX = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -42,7 +41,7 @@ _LATEX = {
 _TO_FIT = r"  \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # only what is wider than the text
 
 Tables = tuple[str, Sequence[Table], Table]
-"""A name for their files, tables to look at, and one that holds all their numbers."""
+"""The name of their files, tables to read, and one with all numbers for csv."""
 
 
 def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
@@ -126,7 +125,7 @@ def _latex(text: str) -> str:
 
 
 WRITERS = MappingProxyType({"terminal": (terminal, "txt"), "markdown": (markdown, "md"), "latex": (latex, "tex")})
-"""The formats of tables to look at, and the suffixes of their files."""
+"""Formats of tables to read, and the suffixes of their files."""
 
 
 def comma_separated(table: Table) -> str:
@@ -156,7 +155,7 @@ def _is_number(table: Table, column: Column) -> bool:
 
 
 def _cells(table: Table) -> list[list[tuple[str, bool]]]:
-    """The values as text, and whether each is the best of its column beyond doubt."""
+    """The values as text, and whether each is set in bold."""
     best = {column.key: table.best(column) for column in table.columns}
     return [
         [
@@ -179,9 +178,9 @@ def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
 
 
 def show_tables(arguments: "TableArguments") -> None:
-    """Print tables of runs, and write them where asked to; then name on stderr the runs that are not in them.
+    """Print tables of runs, and write them where asked to; then print the runs that are left out to stderr.
 
-    Raises ValueError, after the tables, where a path that was asked for is not in them, or there is nothing to show.
+    Raises ValueError, after the tables, where a path that was asked for is not in them, or there is no run.
     """
     if arguments.like and arguments.each_run:
         raise ValueError("--like paper and --each-run are different tables; ask for one of them")
@@ -197,7 +196,7 @@ def show_tables(arguments: "TableArguments") -> None:
         print(_written(made, arguments.format))
         if arguments.out is not None:
             write_tables(arguments.out, made, results)
-    tell_faults(results, "table")
+    print_faults(results, "table")
     if results.runs.empty:
         raise ValueError("there is no run to show")
 
@@ -226,7 +225,7 @@ def make_tables(
 
 
 def check_baseline(results: Results, baseline: str | None) -> str:
-    """The method that others are compared with, sac for None; raises ValueError where no run is of it."""
+    """The method that others are compared with, sac for None; raises ValueError where one is named but has no run."""
     methods, chosen = list(dict.fromkeys(results.runs["method"])), shown(baseline or "sac")
     if baseline and chosen not in methods:
         raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")
@@ -234,16 +233,14 @@ def check_baseline(results: Results, baseline: str | None) -> str:
 
 
 def write_tables(folder: Path, made: Tables, results: Results) -> None:
-    """Write tables in all formats, which runs are in them, and which are not; raises ValueError where it cannot."""
+    """Write tables in all formats with the runs left out, and the runs in them; raises ValueError where it cannot."""
     name, (*others, last), flat = made
     left_out = tuple(f"left out: {fault}" for fault in results.faults)
     tables = [*others, replace(last, notes=(*last.notes, *left_out))]
     files = {f"{name}.{suffix}": write(tables) + "\n" for write, suffix in WRITERS.values()}
     files[f"{name}.csv"] = comma_separated(flat) + "\n"
     files[f"{name}_made_from.csv"] = results.runs[MADE_FROM].to_csv(index=False, lineterminator="\n")
-    try:
+    with writing_to(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for file, text in files.items():
             replace_file(folder / file, lambda stream, text=text: stream.write(utf8(text)))
-    except OSError as error:
-        raise ValueError(f"cannot write to {folder}: {error.strerror}") from None

@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from curiobench.analysis.folders import GridRun, by_name, is_published, locate, look
+from curiobench.analysis.folders import GridRun, by_name, is_published, look
 from curiobench.analysis.options import variants
 from curiobench.analysis.rows import DTYPES
-from curiobench.analysis.runs import MAX_JSON_BYTES, Run, read_head, with_rows, without_beginnings
+from curiobench.analysis.runs import Run, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
 from curiobench.errors import one_line
 from curiobench.methods.specs import BUILT_IN, canonical
@@ -49,46 +49,22 @@ class Results:
     layers: pd.DataFrame  # a row a run, evaluation and layer, with means over its goals; layer 0 is all goals together
     progress: pd.DataFrame  # a row a run and epoch
     config_files: dict[str, Path] = field(default_factory=dict)
-    """Where each run's config.json should be; that of a published set may be missing."""
+    """Path of each run's config.json; in a published set the file may be missing."""
     faults: tuple[str, ...] = ()
-    """One line on each folder that is missing, broken, partial, duplicate or foreign, and what was done with it."""
-    absent: tuple[str, ...] = ()  # the faults because of which a path that was asked for gave no run at all
-
-    def checked_config_files(self) -> dict[str, Path]:
-        """Where the config.json of each run is; raises ValueError where one is missing or too large."""
-        for run, file in self.config_files.items():
-            if not file.is_file() or file.stat().st_size > MAX_JSON_BYTES:
-                raise ValueError(f"there is no config.json of {run}, of at most {MAX_JSON_BYTES:,} bytes")
-        return self.config_files
+    """One line on each folder that is missing, damaged, partial, duplicate or foreign, and what was done with it."""
+    absent: tuple[str, ...] = ()  # those faults that are about a path that was asked for
 
 
-def load(name: str | Path) -> Results:
-    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
-
-    Raises ValueError where there is no such set, or a file of it is damaged.
-    """
-    results = read_results([locate(name)])
-    if results.faults:
-        raise ValueError("; ".join(results.faults))
-    return results
-
-
-def check_named(paths: Sequence[Path]) -> None:
-    """Raise ValueError where no path was given."""
-    if not paths:
-        raise ValueError("name at least one run folder, folder of run folders or published set")
-
-
-def tell_faults(results: Results, what: str) -> None:
+def print_faults(results: Results, product: str) -> None:
     """Print a line on each folder that is left out to stderr.
 
-    Raises ValueError, one line, that names those which were asked for by their path: they are not in the `what`.
+    Raises ValueError, one line, on paths that were asked for and are not in the product, such as "table".
     """
     for fault in results.faults:
         if fault not in results.absent:
             print(f"curiobench: {one_line(fault)}", file=sys.stderr)
     if results.absent:
-        raise ValueError(f"not in the {what}: " + "; ".join(results.absent))
+        raise ValueError(f"not in the {product}: " + "; ".join(results.absent))
 
 
 def place_of(method: str) -> tuple[int, str]:
@@ -111,14 +87,17 @@ def read_results(
         paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
             with this package, such as v1, where there is no such folder.
         partial: also take runs that are not finished.
-        every_goal: `evaluations` holds every evaluation; otherwise the last of each run, in half the time.
+        every_goal: `evaluations` holds every evaluation; otherwise the last of each run.
         progress: read progress.csv; or of the runs that have one of these columns, these and those that every run has.
         processes: how many read folders side by side, where there are many; what is read does not depend on it.
-        meanwhile: what this process does first, while others have begun to read, such as a long import.
-        longest: leave out, without a fault, a run that is the beginning of another one, which was made longer.
+        meanwhile: what this process does first while others read, such as a slow import.
+        longest: leave out, without a fault, a run that a longer one repeats and continues.
 
-    Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others.
+    Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others. Raises
+    ValueError without a path.
     """
+    if not paths:
+        raise ValueError("name at least one run folder, folder of run folders or published set")
     load_folder = functools.partial(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
         seen: set[Path] = set()
@@ -134,9 +113,9 @@ _Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid e
 
 
 def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _Folder | str, bool]]:
-    """Runs of a published set, folders to read, and faults at a path; and whether the path itself was asked for.
+    """Runs of a published set, folders to read, and faults at a path, each with whether it is about the path itself.
 
-    A folder that was `seen` at a path before is left out.
+    A folder in `seen` is left out.
     """
 
     def is_new(folder: Path) -> bool:
@@ -161,9 +140,9 @@ def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _
 
 
 def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str], list[str]]:
-    """Runs that can be used, each once, and faults about the others, those of paths that were asked for apart.
+    """Runs that can be used, each once, and faults: about folders that were found, then about paths asked for.
 
-    Complete runs come first, which none that is partial replaces.
+    Complete runs are taken first, so that of two with the same config the complete one is kept.
     """
     kept: dict[str, Run] = {}
     faults: tuple[list[str], list[str]] = ([], [])
@@ -183,7 +162,7 @@ def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str
 
 
 def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
-    """A run with its rows; without them where it is partial and not wanted or has a fault. A fault where it is none."""
+    """A run with its rows; without rows where it has a fault, or is partial and not wanted. Text where it is no run."""
     path, expected = folder
     try:
         run = read_head(path)
@@ -224,7 +203,7 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
 
 
 def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
-    """What runs, after their variants, are sorted by."""
+    """Sort key of a run and its variant."""
     variant, run = named
     return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
 

@@ -59,11 +59,11 @@ def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -
 
 
 def _closer(curves: "_Curves", panels: Sequence[Panel]) -> list[Panel]:
-    """Panels whose axes end at the same share of their largest values, a smaller one where all curves are low."""
+    """Panels with axes that end at the same share of their largest values: a small one where all curves are low."""
     tops = {panel.title: panel.top for panel in panels}
     highest = max(max(mean.max(), high.max()) / tops[title] for (_, title), (_, mean, _, high) in curves.known.items())
     share = next((share for share in CLOSER if highest <= 0.9 * share), 1.0)
-    least = 2 if panels[0].top > 1 else 0  # counts keep whole numbers
+    least = 2 if panels[0].top > 1 else 0  # an axis of counts has integers
     return [replace(panel, top=max(share * panel.top, least)) for panel in panels]
 
 
@@ -96,7 +96,7 @@ class _Curves:
         axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers are not cut
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
-        """Line of a sample that others are seen against."""
+        """Line of a sample in the background."""
         x, mean, *_ = self.known[sample, panel.title]
         axes.plot(x, mean, **GREY)
 

@@ -1,4 +1,4 @@
-"""In which options runs agree and in which they differ: variants, scale, and what makes a comparison unequal."""
+"""Options in which runs agree or differ: variants, scale, and what makes a comparison unfair."""
 
 import json
 from collections import defaultdict
@@ -41,7 +41,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def cautions(runs: "pd.DataFrame") -> list[str]:
-    """One line on each thing that makes a comparison of the methods of one task unequal, from the frame `runs`."""
+    """One line on each difference between runs that makes a comparison unfair, from the frame `runs`."""
     lines = []
     for task, group in runs.groupby("task", sort=True):
         lines += _unlike_options(task, [flatten(decisive(config)) for config in configs(group)], list(group["variant"]))
@@ -57,10 +57,10 @@ def cautions(runs: "pd.DataFrame") -> list[str]:
 
 
 def _unlike_options(task: str, flat: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[str]:
-    """Lines on options in which runs of one task differ although every method has them, such as the number of epochs.
+    """Lines on options that all runs of a task have and differ in, such as the number of epochs.
 
-    Methods' own settings are left out: two that share a name, such as a `beta`, have nothing in common. So is what the
-    variants `named` have. Runs of several presets are compared within each, if variants have the preset.
+    Left out are methods' own settings, which may share a name but no meaning, and what the variants `named` say. Where
+    variants name the preset, runs are compared within each preset.
     """
     lines = []
     apart = ("preset",) if any(_names(text, "preset") for text in named) else ()

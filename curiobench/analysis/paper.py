@@ -6,8 +6,7 @@ from itertools import groupby
 
 from curiobench.analysis.options import PAPER_STEPS, cautions, millions, spread
 from curiobench.analysis.samples import TaskSamples
-from curiobench.analysis.summaries import Summary, Value, key_of
-from curiobench.analysis.tables import Column, Table, interval_notes, layer_name, name_columns
+from curiobench.analysis.tables import Column, Summary, Table, Value, interval_notes, key_of, layer_name, name_columns
 
 PAPER_TASK = "stack3"
 PAPER_GOALS = (8, 21, 6)  # Table 1: goals of one, two and three layers

@@ -12,13 +12,13 @@ import pandas as pd
 
 from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, is_published
 from curiobench.analysis.frames import Results, read_results
-from curiobench.files import replace_file, sync_folder, utf8
+from curiobench.files import reading, replace_file, sync_folder, utf8, writing_to
 
-DERIVED = ("tables", "figures", "report.html")  # what is made from the rows, and can be made again
+DERIVED = ("tables", "figures", "report.html")  # made from the rows; publishing again makes them again
 _OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
 _PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
 _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
-"""Of a run, which has more than one where it was made longer by other code."""
+"""A commit, or several separated by spaces: a lengthened run may have been made by more than one."""
 
 
 def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
@@ -28,22 +28,22 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
     are not written here, such as a README, are kept.
 
     Args:
-        paths: run folders, grids, published sets. A run that was made longer takes the place of its beginning.
+        paths: run folders, grids, published sets. A lengthened run replaces the shorter one.
         out: folder of the set.
         allow_dirty: also take runs of altered code, or of code whose commit is not known.
-        replace: also where the set that is there has runs that the new one lacks, or other numbers for a run.
+        replace: also where an existing set has runs that the new one lacks, or other numbers for a run.
 
-    Raises ValueError where a folder is missing, broken, partial, a duplicate or foreign, a run's code is no commit, or
-    `out` holds something else or cannot be written; names each. What is at `out` is then left as it is.
+    Raises ValueError, which names each, where a folder is missing, damaged, partial, duplicate or foreign, a run's code
+    is no commit, or `out` holds something else or cannot be written. `out` is then unchanged.
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
-    configs = {run: file.read_bytes() for run, file in results.checked_config_files().items()}
+    configs = {run: _content(file) for run, file in results.config_files.items()}
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
     old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
-    try:
+    with writing_to(out):
         _tidy(place, old, new)
         _check_place(place, results, replace)
         try:
@@ -57,18 +57,19 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
             sync_folder(place.parent)
         finally:
             _tidy(place, old, new)
-    except OSError as error:
-        raise ValueError(f"cannot write to {out}: {error.strerror or error}") from None
     rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
     return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
+
+
+def _content(file: Path) -> bytes:
+    with reading(file):
+        return file.read_bytes()
 
 
 def _check_runs(results: Results, allow_dirty: bool) -> None:
     """Raises ValueError where not all runs can be published."""
     if results.faults:
         raise ValueError(f"not published: {'; '.join(results.faults)}")
-    if results.runs.empty:
-        raise ValueError("name at least one run folder")
     dirty = [
         f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
         for run, commit in zip(results.runs["run"], results.runs["git_commit"], strict=True)
@@ -83,7 +84,7 @@ def _check_runs(results: Results, allow_dirty: bool) -> None:
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:
-    """Remove what a `publish` leaves that did not come to its end; one stopped between its two renames is undone."""
+    """Clean up after a `publish` that was stopped; between its two renames the old set is put back."""
     if old.exists() and not out.exists():
         old.rename(out)
     for rest in (old, new):
@@ -92,18 +93,14 @@ def _tidy(out: Path, old: Path, new: Path) -> None:
 
 
 def _keep_others(out: Path, new: Path) -> None:
-    """Copy what is beside the files of the set that is there, such as a README."""
-    for path in out.iterdir() if out.exists() else ():
-        if path.name in _OWN:
-            continue
-        if path.is_dir() and not path.is_symlink():
-            shutil.copytree(path, new / path.name, symlinks=True)
-        else:
-            shutil.copy2(path, new / path.name, follow_symlinks=False)
+    """Copy the other files of an existing set, such as a README, into the new one."""
+    if out.exists():
+        own = {str(out): _OWN}  # not in subfolders
+        shutil.copytree(out, new, symlinks=True, dirs_exist_ok=True, ignore=lambda folder, _: own.get(folder, ()))
 
 
 def _check_place(out: Path, results: Results, replace: bool) -> None:
-    """Raises ValueError where something is at `out` that the set must not take the place of."""
+    """Raises ValueError where the set must not replace what is at `out`."""
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
     if not is_published(out):

@@ -19,13 +19,12 @@ from curiobench.analysis.report_data import (
     options,
     run_rows,
     sentences,
-    shown_table,
+    table_data,
     warnings,
 )
 from curiobench.analysis.samples import LOGGED, task_samples
-from curiobench.analysis.summaries import summarise
-from curiobench.analysis.tables import method_tables
-from curiobench.files import replace_file, utf8
+from curiobench.analysis.tables import method_tables, summarise
+from curiobench.files import replace_file, utf8, writing_to
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -35,7 +34,7 @@ PIXELS_A_POINT = 4 / 3 * 1.25  # of a figure, which is at most a quarter larger 
 _COORDINATES = re.compile(rb'( (?:d|x|y|width|height)="|translate\()([^")]*)')
 _LONG = re.compile(rb"-?\d+\.\d{2,}")
 _UNSEEN = re.compile(rb'<metadata>.*?</metadata>|<!--.*?-->|\n\s*(?=\n)|(?<=<g) id="\w+_\d+"', re.DOTALL)
-"""Parts of an SVG that show nothing; `id` of groups, to which nothing refers."""
+"""Invisible parts of an SVG, and the `id` of groups, to which nothing refers."""
 
 
 def write_report(
@@ -64,11 +63,9 @@ def write_report(
     if results.runs.empty:
         raise ValueError("; ".join(["no run to report on", *results.faults]))
     page = utf8(render(results, title, check_baseline(results, baseline), processes))
-    try:
+    with writing_to(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_file(out, lambda file: file.write(page))
-    except OSError as error:
-        raise ValueError(f"cannot write {out}: {error.strerror}") from None
     return results
 
 
@@ -84,7 +81,7 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
         faults=results.faults,
         baseline=baseline,
         compared=len(methods) > 1 and baseline in methods,
-        tables=[shown_table(table, opening, samples) for table in method_tables(summarise(tasks, baseline), baseline)],
+        tables=[table_data(table, opening, samples) for table in method_tables(summarise(tasks, baseline), baseline)],
         figures=pictures(results, processes),
         tasks=[goal_cards(task) for task in tasks],
         options=options(samples),

@@ -15,8 +15,7 @@ from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, conf
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.analysis.style import count, seeds_in_words
-from curiobench.analysis.summaries import Estimate, Value
-from curiobench.analysis.tables import Column, Table
+from curiobench.analysis.tables import Column, Estimate, Table, Value
 from curiobench.options import flatten
 from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
@@ -52,12 +51,6 @@ def sentences(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
     return [*what, _when(results.runs), *(part for task in tasks for part in _outcome(task))]
 
 
-def _ends(samples: Sequence[Sample]) -> tuple[int, int]:
-    """The least and the largest number of seeds."""
-    sizes = [sample.n_seeds for sample in samples]
-    return min(sizes), max(sizes)
-
-
 def _what(task: TaskSamples) -> str:
     runs, methods = task.runs, task.runs["method"].nunique()
     variants = f" in {len(task.samples)} variants" if len(task.samples) > methods else ""
@@ -86,8 +79,8 @@ def _outcome(task: TaskSamples) -> list[str]:
     """Which methods have learned most goals, and fewest."""
     means = {sample.label: float(sample.last_learned[:, 0].mean()) for sample in task.samples}
     most, fewest = max(means.values()), min(means.values())
-    least, largest = _ends(task.samples)
-    average = " on average over seeds" if largest > 1 else ""
+    sizes = [sample.n_seeds for sample in task.samples]
+    average = " on average over seeds" if max(sizes) > 1 else ""
     if len(means) == 1 or most == fewest:
         who = task.samples[0].label if len(means) == 1 else "every method"
         line = f"On {task.task} {who} has learned {most:.3g} of {count(len(task.goals), 'goal')}{average}."
@@ -97,7 +90,7 @@ def _outcome(task: TaskSamples) -> list[str]:
             f"On {task.task} most goals{average} were learned by {_few(leaders, 'methods')} "
             f"({most:.3g} of {len(task.goals)}), fewest by {_few(others, 'methods')} ({fewest:.3g})."
         )
-    return [line] + ["So few seeds do not rank them."] * (len(means) > 1 and least < ENOUGH_SEEDS)
+    return [line] + ["So few seeds do not rank them."] * (len(means) > 1 and min(sizes) < ENOUGH_SEEDS)
 
 
 def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
@@ -106,9 +99,9 @@ def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
     found, *others = by_task.values()
     if any(lines != found for lines in others):
         found = [f"{task}: {line}" for task, lines in by_task.items() for line in lines]
-    least, largest = _ends([sample for task in tasks for sample in task.samples])
-    if least < largest:
-        found.append(f"methods have {least} to {largest} seeds, so that their intervals are not equally wide")
+    samples = [sample for task in tasks for sample in task.samples]
+    if len({sample.n_seeds for sample in samples}) > 1:
+        found.append(f"methods have {seeds_in_words(samples)}, so that their intervals are not equally wide")
     most = results.runs["steps"].max()
     if most < FAR_BELOW * PAPER_STEPS:
         found.append(
@@ -132,12 +125,12 @@ class Entry(NamedTuple):
     order: str  # text or number that its column is sorted by; "" comes last
     numeric: bool = False
     interval: str = ""  # ends of the interval around it
-    best: bool = False  # it is better than all others of its column beyond doubt
+    best: bool = False  # its interval lies above all others of its column
     look: str = ""  # CSS of a sample of its method's bars
 
 
-def shown_table(table: Table, elsewhere: Sequence[str], samples: Sequence[Sample]) -> dict[str, Any]:
-    """A table of samples for the template, without the notes that the page has `elsewhere`."""
+def table_data(table: Table, elsewhere: Sequence[str], samples: Sequence[Sample]) -> dict[str, Any]:
+    """A table of samples for the template, without notes that the page has `elsewhere`."""
     looks = {sample.method: _look(sample) for sample in samples}
     best = {column.key: table.best(column) for column in table.columns}
     rows = [

@@ -1,8 +1,7 @@
 """The csv files of one run, checked: every goal of the task at every evaluation, and only possible numbers."""
 
-import csv
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from io import BytesIO
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from curiobench.files import reading
 from curiobench.protocol import LEARNED_ABOVE
 from curiobench.tasks.registration import task_spec
 
@@ -22,7 +22,7 @@ DTYPES = {
     "epoch": np.int32,
     "steps": np.int64,
     "goal": "category",
-    "bits": "category",
+    "bits": str,
     "layer": np.int8,
     "episodes": np.int32,
     "success": np.float64,
@@ -31,8 +31,6 @@ DTYPES = {
     "learned": np.int8,
 }
 """Columns of evaluations.csv, and of what type they are."""
-_CURVE_COLUMNS = ("epoch", "steps", "bits", "layer", "success", "success_unsatisfied", "learned")
-"""What is needed of an evaluation that is not the last."""
 PROGRESS_DTYPES = {"epoch": np.int32, "steps": np.int64, "updates": np.int64}
 PROGRESS_COLUMNS = (*PROGRESS_DTYPES, "seconds")  # columns that every progress.csv has; the rest depends on the method
 
@@ -43,22 +41,16 @@ Frames = tuple[pd.DataFrame, pd.DataFrame]
 def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) -> tuple[Frames, str]:
     """The frames of a run's evaluations.csv, and what was left out of it ("" for nothing).
 
-    With `every_goal` the first frame has every evaluation, otherwise the last one, which takes half the time. If
-    `tolerant`, an incomplete evaluation at the end is left out, as a run at work or killed may have one. Raises
-    ValueError, which names the file, where it is missing, damaged, or not of this task.
+    With `every_goal` the first frame has every evaluation, otherwise the last one, which saves memory. If `tolerant`,
+    an incomplete last evaluation, which a running or killed run may have, is left out. Raises ValueError, which names
+    the file, where it is missing, damaged, or of another task.
     """
-    with _naming(path):
+    with reading(path), _naming(path):
         content = _read_bytes(path, cut_off=tolerant)
         kept = _complete_evaluations(content) if tolerant else content
         dropped = "" if len(kept) == len(content) else f"{path}: its last evaluation is not all there, and left out"
         _check_header(kept, DTYPES)
-        dtypes = DTYPES | ({"bits": np.int64} if _bits_as_integers(task) else {})
-        rows = _parse_csv(kept, DTYPES if every_goal else _CURVE_COLUMNS, dtypes)
-        if every_goal or rows.empty:
-            return check(rows, task), dropped
-        header, *lines = kept.splitlines(keepends=True)
-        last = b"".join([header, *lines[-int((rows["epoch"] == rows["epoch"].iloc[-1]).sum()) :]])
-        return check(rows, task, _parse_csv(last, DTYPES, dtypes)), dropped
+        return check(_parse_csv(kept, DTYPES, DTYPES), task, every_goal), dropped
 
 
 @contextmanager
@@ -66,14 +58,12 @@ def _naming(path: Path) -> Iterator[None]:
     """Turns whatever a damaged csv file raises into one line, as a ValueError that names the file."""
     try:
         yield
-    except (ValueError, TypeError, OverflowError, csv.Error) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
 
 
 def _read_bytes(path: Path, cut_off: bool) -> bytes:
-    """A csv file; raises ValueError where there is none, it is too large, or its last row is `cut_off` and may not."""
+    """A csv file; raises ValueError where it is missing or too large, or its last row is cut off and not `cut_off`."""
     if not path.is_file():
         raise ValueError("the file is missing")
     if path.stat().st_size > MAX_CSV_BYTES:
@@ -92,11 +82,6 @@ def _complete_evaluations(content: bytes) -> bytes:
     return header + b"".join(lines[: len(epochs) // n_goals * n_goals])
 
 
-def _bits_as_integers(task: str) -> bool:
-    """Whether bit strings of a task are read as decimal numbers: that is faster, but they must fit into 64 bits."""
-    return task_spec(task).n_bits <= 18
-
-
 def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
     """Names of the columns of a csv file; raises ValueError where it lacks one."""
     header = BytesIO(content).readline().decode().strip().split(",")
@@ -109,61 +94,59 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
     """Columns of a csv file, all of which it has; raises ValueError where a value is of another type."""
     types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
-    with warnings.catch_warnings():  # of an infinite whole number, which is an error as well
+    with warnings.catch_warnings():  # an infinite integer gives a warning and an error
         warnings.simplefilter("ignore", RuntimeWarning)
         return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
 
 
-def check(rows: pd.DataFrame, task: str, last: pd.DataFrame | None = None) -> Frames:
-    """The frames of one run from the rows of its evaluations.csv, or from some columns of them and the `last` ones.
+def check(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
+    """The frames of one run from the rows of its evaluations.csv, with `every_goal` as for `read_evaluations`.
 
-    Raises ValueError where a goal is missing, twice there, or foreign, or a number cannot be.
+    Raises ValueError where a goal is missing, repeated or unknown, or a number is out of its range.
     """
     if rows.empty:
         raise ValueError("there is no evaluation yet")
     epoch, steps, layer = (rows[name].to_numpy() for name in ("epoch", "steps", "layer"))
-    bits = (rows["bits"].astype(np.int64) if _bits_as_integers(task) else rows["bits"]).to_numpy()
     starts = np.flatnonzero(np.r_[True, epoch[1:] != epoch[:-1]])
-    n_goals = _check_goals(bits, layer, starts, task)
-    epoch, steps = epoch[starts], steps[starts]
+    bits = _check_goals(rows["bits"].astype("category"), layer, starts, task)
+    n_goals, epoch, steps = len(bits), epoch[starts], steps[starts]
     if (np.diff(epoch) <= 0).any() or epoch[0] < 0 or (np.diff(steps) < 0).any():
         raise ValueError("its epochs and steps do not rise")
     rates = [rows[name].to_numpy().reshape(-1, n_goals) for name in ("success", "success_unsatisfied", "learned")]
     _check_success(*rates)
-    kept = rows if last is None else last
-    if not ((kept["episodes"] > 0) & kept["episodes_unsatisfied"].between(0, kept["episodes"])).all():
+    if not ((rows["episodes"] > 0) & rows["episodes_unsatisfied"].between(0, rows["episodes"])).all():
         raise ValueError("its numbers of episodes cannot be")
-    texts = {"goal": _names(kept["goal"].to_numpy().reshape(-1, n_goals))}
-    texts["bits"] = [str(text).zfill(task_spec(task).n_bits) for text in bits[:n_goals]]
+    texts = {"goal": _names(rows["goal"].to_numpy().reshape(-1, n_goals)), "bits": bits}
+    kept = rows if every_goal else rows[-n_goals:]
     codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
     columns = {name: kept[name].to_numpy() for name in DTYPES if name not in texts}
     columns |= {name: pd.Categorical.from_codes(codes, words) for name, words in texts.items()}
     return pd.DataFrame(columns, columns=list(DTYPES)), _layers(epoch, steps, layer[:n_goals], *rates)
 
 
-def _check_goals(bits: np.ndarray, layer: np.ndarray, starts: np.ndarray, task: str) -> int:
-    """Number of goals; raises ValueError where an evaluation does not hold each of them once, in one order."""
+def _check_goals(bits: pd.Series, layer: np.ndarray, starts: np.ndarray, task: str) -> list[str]:
+    """Bits of the goals; raises ValueError where an evaluation does not hold each of them once, in one order."""
     known = _goals_of(task)
     sizes = np.diff(np.r_[starts, len(bits)])
     n_goals = len(known) if known else int(sizes[0])
     if (sizes != n_goals).any():
         raise ValueError(f"an evaluation has {sizes[sizes != n_goals][0]} rows; it takes {n_goals}, one a goal")
-    first = dict(zip(bits[:n_goals].tolist(), layer[:n_goals].tolist(), strict=True))
+    first = dict(zip(bits[:n_goals].astype(str), layer[:n_goals].tolist(), strict=True))
     if len(first) != n_goals or (known and first != known):
         raise ValueError(f"its goals are not those of {task}")
-    for column in (bits, layer):
+    for column in (bits.cat.codes.to_numpy(), layer):
         if (column.reshape(-1, n_goals) != column[:n_goals]).any():
             raise ValueError("its evaluations differ in their goals")
-    return n_goals
+    return list(first)
 
 
 @cache
-def _goals_of(task: str) -> dict[int, int] | None:
-    """Layer by goal, whose bits are read as a decimal number; None where there are too many goals to list."""
+def _goals_of(task: str) -> dict[str, int] | None:
+    """Layer by the bits of a goal; None where there are too many goals to enumerate."""
     if task_spec(task).is_slow_to_enumerate:
         return None
     space = task_spec(task).goal_space
-    return {int(space.bit_string(bits)): int(layer) for bits, layer in zip(space.goals, space.layers, strict=True)}
+    return {space.bit_string(bits): int(layer) for bits, layer in zip(space.goals, space.layers, strict=True)}
 
 
 def _check_success(success: np.ndarray, unsatisfied: np.ndarray, learned: np.ndarray) -> None:
@@ -212,41 +195,35 @@ def read_progress(
 ) -> tuple[pd.DataFrame, str]:
     """Rows of a progress.csv, and what was left out of it ("" for nothing).
 
-    `wanted` is True for all columns, or names some, which come with those that every run has. Where a finished run has
-    none of these, only its last row is checked, against its `result`. Without one the last row may be cut off. Raises
-    ValueError, which names the file, where it is missing, damaged, or has another end than result.json.
+    `wanted` is True for all columns, or names some, which come with those that every run has. Without the `result` of
+    a finished run the last row may be cut off. Raises ValueError, which names the file, where it is missing, damaged,
+    or disagrees with result.json.
     """
     if result is None and not path.exists():
         return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
-    with _naming(path):
+    with reading(path), _naming(path):
         content = _read_bytes(path, cut_off=result is None)
         kept = content[: content.rfind(b"\n") + 1]
-        header = _check_header(kept, PROGRESS_COLUMNS)
-        columns = asked(wanted, header)
-        rows = pd.DataFrame()
-        if columns or result is None:
-            rows = _parse_csv(kept, dict.fromkeys([*PROGRESS_COLUMNS, *columns]), PROGRESS_DTYPES)
-            _check_progress(rows)
+        columns = asked(wanted, _check_header(kept, PROGRESS_COLUMNS))
+        rows = _parse_csv(kept, dict.fromkeys([*PROGRESS_COLUMNS, *columns]), PROGRESS_DTYPES)
+        _check_progress(rows)
         if result is not None:
-            _check_end(kept, header, result)
+            _check_end(rows, result)
     return rows, "" if len(kept) == len(content) else f"{path}: its last row is not all there, and left out"
 
 
 def asked(wanted: bool | Collection[str], columns: Iterable[str]) -> list[str]:
-    """Those of the columns of a progress.csv that `wanted` names."""
+    """The columns of a progress.csv that `wanted` names."""
     return [name for name in columns if wanted is True or name in (wanted or ())]
 
 
-def _check_end(content: bytes, header: Sequence[str], result: Mapping[str, Any]) -> None:
-    """Raises ValueError where progress.csv, of which only the last row is parsed, has another end than result.json."""
-    n_rows = content.count(b"\n") - 1
-    if n_rows != result["epochs"]:
-        raise ValueError(f"it has {n_rows} rows for {result['epochs']} epochs")
-    (last,) = csv.reader([content[:-1].rpartition(b"\n")[2].decode()])
-    found = dict(zip(header, last, strict=False))
+def _check_end(rows: pd.DataFrame, result: Mapping[str, Any]) -> None:
+    """Raises ValueError where progress.csv and result.json disagree on the end of the run."""
+    if len(rows) != result["epochs"]:
+        raise ValueError(f"it has {len(rows)} rows for {result['epochs']} epochs")
     for name in ("steps", "updates"):
-        if float(found.get(name, "nan")) != result[name]:
-            raise ValueError(f"its last row has {found.get(name)} {name}, result.json {result[name]}")
+        if (last := rows[name].iloc[-1]) != result[name]:
+            raise ValueError(f"its last row has {last} {name}, result.json {result[name]}")
 
 
 def _check_progress(rows: pd.DataFrame) -> None:

@@ -1,4 +1,4 @@
-"""One run folder: its config, its rows and its result, checked. Imports no method, and trusts no file."""
+"""One run folder: its config, rows and result, all checked, as runs of others are read too. Imports no method."""
 
 import json
 import re
@@ -19,15 +19,14 @@ from curiobench.run_folder import read_record
 from curiobench.tasks.registration import check_robot
 from curiobench.versions import PACKAGES
 
-MAX_JSON_BYTES = 1 << 20
-LARGEST_NUMBER = 1e15  # of steps, updates, seconds and the like; more cannot be
+LARGEST_NUMBER = 1e15  # upper limit of steps, updates, seconds and other totals
 _SPEC = re.compile(r"[\w.-]{1,100}(:[\w.]{1,100})?(\+hm)?")
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run: first its config and result, then also its rows."""
+    """A run. `read_head` gives one without rows, `with_rows` adds them."""
 
     path: Path  # run folder
     config: dict[str, Any]  # options; plain values
@@ -38,7 +37,7 @@ class Run:
     evaluations: pd.DataFrame | None = None  # rows of `Results.evaluations`; None before they are read
     layers: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.layers`
     progress: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.progress`
-    notes: tuple[str, ...] = ()  # one line on each incomplete end of a file that was left out
+    notes: tuple[str, ...] = ()  # a line for each file whose incomplete last rows were left out
 
     def decisive(self) -> dict[str, Any]:
         """Options that decide the numbers, and the digest of the file of a method from outside."""
@@ -46,14 +45,14 @@ class Run:
         return decisive(self.config) | ({"method_sha256": digest} if digest else {})
 
     def identity(self, **ignored: Any) -> str:
-        """Text that two runs of equal numbers have in common; `ignored` options have the same value in both."""
+        """Text that is equal for runs with equal decisive options; `ignored` options are set to the given values."""
         return json.dumps(self.decisive() | {"preset": ""} | ignored, sort_keys=True)  # a preset is only a name
 
 
 def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that decide the numbers of a run: all but the machine's, and those that its method does not use.
+    """The options that decide the numbers of a run: not the machine's, nor those that its method does not use.
 
-    Options that are younger than the run have the value that they then had.
+    Options that were added after the run was made get the value that reproduces it.
     """
     config = with_later_fields(config)
     unused = {"machine"} | (set() if config["method"].endswith(HYBRID) else {"hybrid"})
@@ -63,16 +62,15 @@ def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def without_beginnings(runs: Sequence[Run]) -> list[Run]:
-    """The runs without those that were made longer: another one has the same config but for its length, and rows."""
-    alike: dict[str, list[Run]] = defaultdict(list)
-    keys = [run.identity(epochs=0) for run in runs]
-    for key, run in zip(keys, runs, strict=True):
-        alike[key].append(run)
-    return [run for key, run in zip(keys, runs, strict=True) if not any(_begins(run, other) for other in alike[key])]
+    """The runs without those that a longer run of the same config repeats and continues."""
+    by_config: dict[str, list[Run]] = defaultdict(list)
+    for run in runs:
+        by_config[run.identity(epochs=0)].append(run)
+    return [run for run in runs if not any(_begins(run, other) for other in by_config[run.identity(epochs=0)])]
 
 
 def _begins(run: Run, other: Run) -> bool:
-    """Whether the rows of one run are the first of a longer one; they are compared as means of layers."""
+    """Whether a run's rows, as means of layers, are the first rows of a longer run."""
     return len(run.layers) < len(other.layers) and run.layers.equals(other.layers[: len(run.layers)])
 
 
@@ -81,7 +79,6 @@ def read_head(path: Path) -> Run:
 
     Raises ValueError where the folder holds no run, one of another format or version, or damaged files.
     """
-    _check_size(path / "config.json")
     record = read_record(path)
     if (found := record.get("config_version")) != CONFIG_VERSION:
         raise ValueError(
@@ -109,25 +106,25 @@ def columns_of(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _starts(record: Mapping[str, Any], name: str) -> list[Any]:
-    """A value in the record of a run's start, and of each start that made it longer; None where it is missing."""
+    """A value in the record of a run's start and of each lengthening; None where it is missing."""
     longer = record.get("lengthened", [])
     starts = [record, *(longer if isinstance(longer, list) else [])]
     return [start.get(name) if isinstance(start, dict) else None for start in starts]
 
 
 def versions_of(record: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Versions that a run was begun with, and each time made longer; empty where they are not recorded."""
+    """Versions at a run's start and at each lengthening; empty where they are not recorded."""
     return [versions if isinstance(versions, dict) else {} for versions in _starts(record, "versions")]
 
 
 def _joined(versions: Sequence[Mapping[str, Any]], name: str) -> str:
-    """A version, or all that there were, separated by spaces; "" where one is not recorded."""
+    """The different values of a version, separated by spaces; "" where one is not recorded."""
     texts = [_text(found.get(name)) for found in versions]
     return " ".join(dict.fromkeys(texts)) if all(texts) else ""
 
 
 def check_config(config: Any) -> dict[str, Any]:
-    """The options in a config.json, its method in the one form; raises ValueError where they are not a run's."""
+    """The options in a config.json, with a canonical method spec; raises ValueError where one is missing or illegal."""
     if not isinstance(config, dict):
         raise ValueError("it holds no config")
     check_robot(config.get("task"), config.get("robot"))
@@ -141,16 +138,10 @@ def check_config(config: Any) -> dict[str, Any]:
     return config | {"method": canonical(config["method"])}
 
 
-def _check_size(path: Path) -> None:
-    if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_JSON_BYTES):
-        raise ValueError(f"cannot read {path}: it is no file of less than {MAX_JSON_BYTES:,} bytes")
-
-
 def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
-    """What result.json holds; raises ValueError where it is damaged or of a run of other length."""
+    """What result.json holds; raises ValueError where it is damaged or has another number of epochs."""
     if not path.exists():
         return None
-    _check_size(path)
     result = read_json(path)
     for name in ("epochs", "steps", "updates", "goals", "goals_learned", "success", "seconds", "peak_memory_mb"):
         value = result.get(name)
@@ -169,7 +160,7 @@ def _text(value: Any, limit: int = 200) -> str:
 
 
 def _command(record: Mapping[str, Any]) -> str:
-    """The command line that began a run, joined with those that made it longer; "" where one is not recorded."""
+    """The command lines of a run's start and lengthenings, joined by &&; "" where one is not recorded."""
     lines = _starts(record, "command")
     if not all(isinstance(line, list) and all(isinstance(word, str) for word in line) for line in lines):
         return ""
@@ -179,8 +170,8 @@ def _command(record: Mapping[str, Any]) -> str:
 def with_rows(run: Run, every_goal: bool = True, progress: bool | Collection[str] = True) -> Run:
     """A run by `read_head` with its rows; the other arguments are those of `read_evaluations` and `read_progress`.
 
-    Of a partial run progress.csv is read in any case, as it alone has what the run cost. Raises ValueError, one line
-    that names the folder, where a file is missing or damaged, or the files disagree.
+    progress.csv of a partial run is always read, as nothing else has its cost. Raises ValueError, one line that names
+    the folder, where a file is missing or damaged, or the files disagree.
     """
     partial = run.result is None
     file = run.path / "evaluations.csv"
@@ -200,7 +191,7 @@ def with_rows(run: Run, every_goal: bool = True, progress: bool | Collection[str
 
 
 def _check_result(path: Path, result: Mapping[str, Any], evaluations: pd.DataFrame, layers: pd.DataFrame) -> None:
-    """Raises ValueError where result.json has another end of the run than evaluations.csv."""
+    """Raises ValueError where result.json and the last evaluation disagree."""
     total, *of_layers = layers[layers["epoch"] == layers["epoch"].iloc[-1]].to_dict("records")
     found = {
         "epochs": total["epoch"],
@@ -218,7 +209,7 @@ def _check_result(path: Path, result: Mapping[str, Any], evaluations: pd.DataFra
 
 
 def _cost(result: Mapping[str, Any] | None, rows: pd.DataFrame, epoch: int) -> dict[str, Any]:
-    """Updates, hours and memory; of a partial run up to its last evaluation, as far as they are known."""
+    """Updates, hours and memory; of a partial run those up to its last evaluation, without the memory."""
     if result is not None:
         memory = float(result["peak_memory_mb"])
         return {"updates": int(result["updates"]), "hours": result["seconds"] / 3600, "peak_memory_mb": memory}

@@ -13,8 +13,8 @@ from curiobench.analysis.statistics import area_under_curve
 from curiobench.analysis.style import line_styles
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
-GOOD_SUCCESS = 0.8  # mean success over all goals from which a run counts as good; tables have how soon it is there
-_DECIMALS = 9  # scores are rounded to so many, so that equal successes that were summed in another order are a tie
+GOOD_SUCCESS = 0.8  # mean success over all goals; tables have the epochs until it is reached
+_DECIMALS = 9  # of scores: equal successes that were summed in another order have to tie
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Sample:
     """The runs of one method, and variant of it, on one task.
 
     S seeds, E evaluations that all of them have, L layers of which the first is all goals together, G goals. The end of
-    a run is its own last evaluation, which is not among the E for partial runs only.
+    a run is its own last evaluation; of a partial run it may not be among the E.
     """
 
     task: str
@@ -54,7 +54,7 @@ class Sample:
 
 
 class Untrained(NamedTuple):
-    """What agents can do before they learn, mean over runs: a goal may hold at most starts."""
+    """Results of untrained agents, mean over runs: some goals hold at most starts."""
 
     learned: float  # goals with success above 80 %
     success: float  # mean over goals
@@ -62,7 +62,7 @@ class Untrained(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TaskSamples:
-    """All samples of a task, in the order that methods have everywhere."""
+    """All samples of a task, in the order of `place_of`."""
 
     task: str
     runs: pd.DataFrame  # the task's rows of `Results.runs`

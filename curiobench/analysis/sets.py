@@ -13,7 +13,6 @@ from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, 
 from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
 from curiobench.versions import PACKAGES
 
-MAX_ROWS = 20_000_000  # rows that are read of a file at most: a compressed one may be far larger than it looks
 _TEXT = (
     *("run", "machine", *PACKAGES, "python"),
     *("git_commit", "method_sha256", "created", "finished", "command", "config"),
@@ -39,7 +38,7 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
     runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
     types = dict.fromkeys(_TEXT, str) | dict.fromkeys(_NUMBERS, float) | {"complete": bool}
     heads = _csv(runs, (*_TEXT, *_NUMBERS, "complete"), types)
-    rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str, "bits": str})
+    rows = _csv(evaluations, ("run", *DTYPES), DTYPES | {"run": str, "goal": str})
     details = _csv(progress, ("run", *PROGRESS_COLUMNS), {"run": str} | PROGRESS_DTYPES)
     if heads["run"].duplicated().any():
         raise ValueError("a run is in runs.csv twice")
@@ -56,12 +55,8 @@ def _read(folder: Path, every_goal: bool) -> list[Run]:
 
 def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.DataFrame:
     names = pd.read_csv(path, nrows=0).columns
-    missing = {name: [""] for name in names if dtypes.get(name) is not str}  # a run may be called NA
-    frame = pd.read_csv(
-        path, dtype=dtypes, nrows=MAX_ROWS + 1, low_memory=False, keep_default_na=False, na_values=missing
-    )
-    if len(frame) > MAX_ROWS:
-        raise ValueError(f"{path.name} has more than {MAX_ROWS:,} rows")
+    missing = {name: [""] for name in names if dtypes.get(name) is not str}  # a run may have the name NA
+    frame = pd.read_csv(path, dtype=dtypes, low_memory=False, keep_default_na=False, na_values=missing)
     if lacking := [name for name in required if name not in frame]:
         raise ValueError(f"{path.name} has no column {', '.join(lacking)}")
     return frame
@@ -74,10 +69,8 @@ def _run(
     config, name = check_config(json.loads(row["config"])), row["run"]
     if rows is None:
         raise ValueError(f"{name} has no evaluation")
-    evaluations, layers = check(rows, config["task"])
+    evaluations, layers = check(rows, config["task"], every_goal)
     epoch, steps = (int(layers[column].iloc[-1]) for column in ("epoch", "steps"))
-    if not every_goal:
-        evaluations = evaluations[evaluations["epoch"] == epoch]
     if row["complete"] and epoch != config["epochs"]:
         raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
     for column in _NUMBERS:

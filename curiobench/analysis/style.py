@@ -32,7 +32,7 @@ OUTSIDE = (
 )
 """Colours of methods from outside: further from those above and from each other than some of those above are."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
-"""Look of the lines that one line is seen against."""
+"""Look of lines in the background."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
 TEXT, SMALL = 9, 7.5  # sizes of labels, and of ticks, legends and captions, in points
 

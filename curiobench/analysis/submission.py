@@ -1,7 +1,6 @@
 """Runs that somebody submits, what they are compared with, and how the rules of rules.py are tried on them.
 
-The rules do not lean on each other: runs that break one fail one line. What cannot be read at all fails the first, and
-is not examined further.
+Rules are independent: runs that break one fail one line. Folders that cannot be read fail the first rule only.
 """
 
 import json
@@ -13,8 +12,8 @@ from typing import Any
 
 import pandas as pd
 
-from curiobench.analysis.folders import available
-from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, load, read_results
+from curiobench.analysis import available, load
+from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, read_results
 from curiobench.analysis.runs import versions_of
 from curiobench.check import Finding, Skipped
 from curiobench.config import with_later_fields
@@ -59,7 +58,7 @@ class Submission:
 
     @cached_property
     def versions(self) -> list[tuple[str, dict[str, str | int]]]:
-        """A run and the software that it records, once for its start and for each time it was made longer."""
+        """A run and its recorded software, for its start and for each lengthening."""
         return [
             (run, {name: value for name, value in versions.items() if isinstance(value, str | int)})
             for run, record in self.records.items()
@@ -106,7 +105,7 @@ class Reference:
         return counts or None
 
     def unlike(self, config: Mapping[str, Any]) -> dict[str, str]:
-        """What differs from the most alike run of the same task and robot, or from the preset, in words by option."""
+        """Differences, in words by option, from the most similar run of the same task and robot, or from the preset."""
         published = self.runs.configs.values() if self.runs else ()
         alike = [other for other in published if task_and_robot(other) == task_and_robot(config)]
         if not alike and config["preset"] not in PRESETS:
@@ -169,7 +168,7 @@ def reference(against: str | None) -> Reference:
 
 
 def _with_records(results: Results) -> Submission:
-    return Submission(results, {run: read_json(file) for run, file in results.checked_config_files().items()})
+    return Submission(results, {run: read_json(file) for run, file in results.config_files.items()})
 
 
 def examine(runs: Submission, against: Reference) -> list[Finding]:

@@ -75,9 +75,6 @@ def video(arguments: VideoArguments) -> None:
 
 def table(arguments: TableArguments) -> None:
     """Print tables of runs; raises ValueError, after them, that names the folders that are not in them."""
-    from curiobench.analysis.frames import check_named
-
-    check_named(arguments.runs)
     from curiobench.analysis.formats import show_tables
 
     show_tables(arguments)
@@ -85,11 +82,8 @@ def table(arguments: TableArguments) -> None:
 
 def figure(arguments: FigureArguments) -> None:
     """Draw the figures of runs; raises ValueError, after them, that names the paths that gave no run."""
-    from curiobench.analysis.frames import check_named, tell_faults
-
-    check_named(arguments.runs)
     from curiobench.analysis.figures import draw_figures
-    from curiobench.analysis.frames import read_results
+    from curiobench.analysis.frames import print_faults, read_results
     from curiobench.analysis.samples import LOGGED
     from curiobench.analysis.style import preload
     from curiobench.workers import cores
@@ -97,21 +91,19 @@ def figure(arguments: FigureArguments) -> None:
     results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores(), preload)
     for file in draw_figures(results, arguments.out, arguments.like, arguments.format.split(","), cores()):
         print(file)
-    tell_faults(results, "figures")
+    print_faults(results, "figures")
 
 
 def report(arguments: ReportArguments) -> None:
     """Write a report on runs; raises ValueError, after it, that names the paths that gave no run."""
-    from curiobench.analysis.frames import check_named, tell_faults
-
-    check_named(arguments.runs)
+    from curiobench.analysis.frames import print_faults
     from curiobench.analysis.report import write_report
     from curiobench.workers import cores
 
     options = arguments.title, arguments.partial, arguments.baseline
     results = write_report(arguments.runs, arguments.out, *options, cores())
     print(arguments.out)
-    tell_faults(results, "report")
+    print_faults(results, "report")
 
 
 def probe(arguments: ProbeArguments) -> None:
@@ -162,10 +154,8 @@ def publish(arguments: PublishArguments) -> None:
 
 def submit_check(arguments: SubmitCheckArguments) -> None:
     """Print what is found in a submission; raises CheckFailed, after it, where a property fails."""
-    from curiobench.analysis.frames import check_named
     from curiobench.analysis.rules import submit_check
 
-    check_named(arguments.runs)
     title, findings = submit_check(arguments.runs, arguments.against)
     _show_findings(title, findings, "the submission")
 

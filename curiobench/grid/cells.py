@@ -9,10 +9,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from curiobench.analysis.folders import GRID_FORMAT
+from curiobench.analysis.folders import GRID_FILE, GRID_FORMAT, read_grid
 from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
-from curiobench.files import read_json, write_json, writing_to
+from curiobench.files import write_json, writing_to
 from curiobench.grid.definition import Grid, Options
 from curiobench.methods.specs import shown
 from curiobench.options import flatten
@@ -23,7 +23,6 @@ _OWN = ("task", "method", "seed")
 """Options that are axes of the grid."""
 _AXES_OF_ALL = ("preset", "robot")
 """Options with separate keys in the grid; variants may still change them."""
-NAME = "grid.json"
 _METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
 
 
@@ -130,32 +129,14 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
         out.mkdir(parents=True, exist_ok=True)
         with open(out / ".grid.lock", "a", encoding="utf-8") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # waits for other grids; ends with the process
-            record = read_record(out)
+            record = read_grid(out) if (out / GRID_FILE).exists() else {"cells": []}
             entries = {entry["folder"]: entry for entry in record["cells"]}
             for cell in cells:
                 if cell.folder not in entries or not (cell.path / "config.json").exists():
                     entries[cell.folder] = _entry(cell)
             this = shlex.join(command)
-            commands = [*(known for known in record["commands"] if known != this), this]
-            write_json(out / NAME, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
-
-
-def read_record(out: Path) -> dict[str, Any]:
-    """What grid.json holds, an empty grid where there is none; raises ValueError where it is something else."""
-    path = out / NAME
-    if not path.exists():
-        return {"format": GRID_FORMAT, "commands": [], "cells": []}
-    record = read_json(path)
-    if record.get("format") != GRID_FORMAT:
-        raise ValueError(f"{path} is not a grid's: its format is {record.get('format')!r}")
-    cells, commands = record.get("cells"), record.get("commands")
-    if not isinstance(commands, list) or not isinstance(cells, list) or not all(map(_is_entry, cells)):
-        raise ValueError(f"{path} is damaged: it has no list of cells with folders")
-    return record
-
-
-def _is_entry(value: Any) -> bool:
-    return isinstance(value, dict) and isinstance(value.get("folder"), str)
+            commands = [*(known for known in record.get("commands", []) if known != this), this]
+            write_json(out / GRID_FILE, {"format": GRID_FORMAT, "commands": commands, "cells": [*entries.values()]})
 
 
 def _entry(cell: Cell) -> dict[str, Any]:

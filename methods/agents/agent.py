@@ -53,8 +53,8 @@ class LearningAgent(ABC):
         learner, observed = self.learner, (observation, achieved_goal, desired_goal)
         learner.encoder.observe(*(learner.tensor(np.reshape(a, (-1, a.shape[-1]))) for a in observed))
         if learner.curiosity is not None and action is not None:
-            episodes = map(learner.tensor, (observation, action, achieved_goal))
-            learner.curiosity.observe(*episodes, learner.encoder.normalise)
+            seen, actions, achieved = map(learner.tensor, (observation, action, achieved_goal))
+            learner.curiosity.observe(seen, actions, achieved, learner.encoder.normalise)
 
     def update(self, batch: Batch, epoch: int = 0) -> Metrics:
         """One step of all that learns, on a batch.
@@ -77,14 +77,17 @@ class LearningAgent(ABC):
 
     @torch.no_grad()
     def transitions(self, batch: Batch, epoch: int) -> Transitions:
-        """What `update` shows of a batch to the curiosity method. Nothing in the agent changes."""
-        learner, policies, sample = self.learner, None, None
+        """What `update` shows of a batch to the curiosity method. Nothing in the agent changes.
+
+        Raises ValueError where there is no curiosity method.
+        """
+        learner, view = self.learner, None
         inputs, next_inputs = learner.encoder.encode_rows(learner.buffers(batch).rows)
         if learner.shows_policy:
-            policies = learner.actor(inputs)
-            noise = torch.randn(policies[0].shape[1:], generator=torch.Generator().manual_seed(0))
-            sample = squashed_gaussian(*policies, noise.to(learner.device))
-        return learner.transitions(batch, (inputs.state, next_inputs.state), epoch, policies, sample)
+            mean, log_std = learner.actor(inputs)
+            noise = torch.randn(mean.shape[1:], generator=torch.Generator().manual_seed(0)).to(learner.device)
+            view = learner.view(batch, (mean, log_std), squashed_gaussian(mean, log_std, noise))
+        return learner.transitions(batch, (inputs.state, next_inputs.state), epoch, view)
 
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that decides how training continues; loads with `torch.load(weights_only=True)`."""

@@ -15,22 +15,22 @@ WARM_UP = 3
 class StaticBatch:
     """A batch in float32 buffers that stay at one address, laid out as the encoder reads them."""
 
-    def __init__(self, layout: PairLayout, size: int, device: torch.device) -> None:
+    def __init__(self, layout: PairLayout, batch: Batch, device: torch.device) -> None:
         """
         Args:
             layout: sizes of observations, goals and actions.
-            size: B, the number of transitions.
+            batch: the first one of B transitions, for its size.
             device: where the buffers live.
         """
-        self.size = size
+        self.size = size = len(batch.reward)
         self.rows = torch.empty((2, size, layout.observation_size + 2 * layout.goal_size), device=device)
         """[observation | achieved | desired] before and after the step."""
         self.action = torch.empty((size, layout.action_size), device=device)
         self.reward = torch.empty(size, device=device)
         """r_ext; becomes r_ext + tau · n(r_int)."""
         parts = (layout.observation_size, layout.goal_size, layout.goal_size)
-        self.source: Batch | None = None
-        """The batch that was loaded, for the curiosity method, under which nothing is captured."""
+        self.source = batch
+        """The batch that was loaded last, for the curiosity method, under which nothing is captured."""
         self.observation, self.achieved_goal, self.desired_goal = self.rows.split(parts, dim=2)
 
     def load(self, batch: Batch) -> None:

@@ -9,6 +9,7 @@ without learned gain and offset, which the next layer can express.
 
 from collections.abc import Sequence
 from functools import reduce
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -72,7 +73,17 @@ class DeepSetsFunction(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, contexts, pairs, rows, layer_norm, trained, hidden_weights, out_weights, out_bias):
+    def forward(
+        ctx: Any,
+        contexts: Tensor,
+        pairs: Tensor,
+        rows: Sequence[int],
+        layer_norm: bool,
+        trained: int,
+        hidden_weights: Tensor,
+        out_weights: Tensor,
+        out_bias: Tensor,
+    ) -> Tensor:
         members, n_contexts, (n_pairs, batch, _) = len(hidden_weights), len(contexts), pairs.shape
         normalised, plain = hidden_weights.split((sum(rows[:5]), sum(rows[5:])), dim=1)
         if layer_norm:
@@ -93,7 +104,7 @@ class DeepSetsFunction(torch.autograd.Function):
         return torch.baddbmm(out_bias, out_weights, rho.mT).mT.unflatten(1, (n_contexts, batch))
 
     @staticmethod
-    def backward(ctx, grad):
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
         contexts, pairs, w_context, w_2, w_3, w_out, phi_1, phi_2, summed, rho, *norms = ctx.saved_tensors
         members, n_contexts, _, batch, _ = ctx.by_pair
         grad = grad.flatten(1, 2)

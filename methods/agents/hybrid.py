@@ -92,9 +92,8 @@ class HybridAgent(LearningAgent):
     def _values(self, inputs: PairInputs, actions: Tensor) -> Tensor:
         """Q_d(s, a_d, g) and Q_c(s, a_c, g) together (2, N), of actions (2, N, A)."""
         values = self.learner.critics(inputs, actions).min(0).values
-        values[EXPLORE] += (
-            self.learner.curiosity.tau * self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
-        )
+        of_explorer = self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
+        values[EXPLORE] += self.learner.required_curiosity.tau * of_explorer
         return values
 
     @torch.no_grad()
@@ -119,7 +118,7 @@ class HybridAgent(LearningAgent):
         """As `LearningAgent.update`, with the metrics that `_measure` finds."""
         metrics = super().update(batch, epoch)
         if self._acted:
-            self._measure()
+            self._measure(batch)
         device = self.learner.device
         return metrics | {name: torch.tensor(value, device=device) for name, value in self._measured.items()}
 
@@ -135,8 +134,9 @@ class HybridAgent(LearningAgent):
         stored_int, *own_int = self.intrinsic_values(step.inputs.state, step.actions(EXPLORE), trained=1).unbind(1)
         found = {"critics": critic_loss(stored, target), "q_int": self.intrinsic_values.loss(stored_int, target_int)}
         if step.sample is not None:
-            own[EXPLORE] = own[EXPLORE] + learner.curiosity.tau * own_int[0][self._explores_by]
-            for policy, name, term in ((EXPLOIT, "", None), (EXPLORE, "explorer_", learner.policy_term(step))):
+            own[EXPLORE] = own[EXPLORE] + learner.required_curiosity.tau * own_int[0][self._explores_by]
+            added = learner.policy_term(step, step.sample[0][EXPLORE])
+            for policy, name, term in ((EXPLOIT, "", None), (EXPLORE, "explorer_", added)):
                 of_policy = own[policy], step.sample[1][policy], learner.log_alpha[policy]
                 found |= policy_losses(*of_policy, learner.target_entropy, term, name)
         return found
@@ -148,13 +148,14 @@ class HybridAgent(LearningAgent):
         actions, log_probs = learner.actor.sample(next_inputs, step.next_noise)
         next_values = learner.target_critics(next_inputs, actions[:EXPLORE]).squeeze(1)
         target = learner.bootstrapped(step.batch.reward, next_values, log_probs[EXPLOIT], learner.log_alpha[EXPLOIT])
+        assert step.intrinsic is not None  # there is a method
         target_int = self.intrinsic_values.targets(next_inputs.state, actions[EXPLORE], *step.intrinsic)
         if learner.device.type == "cpu":  # before PopArt writes them into weights
             learner.check({"target of q_int": target_int.sum()})
         return target, self.intrinsic_values.adapt(target_int)
 
     @torch.no_grad()
-    def _measure(self) -> None:
+    def _measure(self, batch: Batch) -> None:
         """Once after each collection: share_exploitation, pi_d's share of its steps, two spreads over actions, and tau.
 
         q_ext_action_spread and q_int_action_spread: standard deviations of Q_ext and of tau · Q_int over random actions
@@ -162,18 +163,18 @@ class HybridAgent(LearningAgent):
         is no small part of the first.
         """
         if self._probe is None:
-            self._probe = self.learner.batch.rows[:1, :PROBE_STATES].clone()
+            self._probe = self.learner.buffers(batch).rows[:1, :PROBE_STATES].clone()
         generator = torch.Generator().manual_seed(0)  # the same actions each time
         shape = (PROBE_ACTIONS, self._probe.shape[1], self.learner.layout.action_size)
         tried = torch.rand(shape, generator=generator).to(self.learner.device) * 2.0 - 1.0
         (inputs,) = self.learner.encoder.encode_rows(self._probe)
         q_ext = self.learner.critics(inputs, tried).min(0).values
-        q_int = self.learner.curiosity.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
+        q_int = self.learner.required_curiosity.tau * self.intrinsic_values(inputs.state, tried)[self._explores_by]
         self._measured = {
             "share_exploitation": self._exploited / self._acted,
             "q_ext_action_spread": q_ext.std(0, correction=0).mean().item(),
             "q_int_action_spread": q_int.std(0, correction=0).mean().item(),
-            "tau": self.learner.curiosity.tau,
+            "tau": self.learner.required_curiosity.tau,
         }
         self._exploited = self._acted = 0
         if self.hybrid.adaptive_tau:
@@ -183,7 +184,7 @@ class HybridAgent(LearningAgent):
         """Move tau by `tau_rate` of the way, in logarithms, to where the spread of tau · Q_int is as wished."""
         if of_q_ext > 0 and of_q_int > 0:
             step = self.hybrid.spread_ratio * of_q_ext / of_q_int
-            curiosity, (low, high) = self.learner.curiosity, TAU_RANGE
+            curiosity, (low, high) = self.learner.required_curiosity, TAU_RANGE
             curiosity.scale = min(max(curiosity.scale * step**self.hybrid.tau_rate, low), high)
 
     def state_dict(self) -> dict[str, Any]:

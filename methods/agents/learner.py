@@ -2,8 +2,8 @@
 
 import copy
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterable
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from curiobench.methods.agents.q_int import IntrinsicValues
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
-from curiobench.methods.reward import Batch, IntrinsicReward, Transitions
+from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
 
 LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
 Pair = tuple[Tensor, Tensor]
@@ -69,16 +69,14 @@ class Learner:
 
     def prepare(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
         """Set up Adam for all weights, those of more values among them, and the temperature if it is tuned."""
-        values, targets = [self.critics], [self.target_critics]
-        values += [value.net for value in more.values()]
-        targets += [value.target_net for value in more.values()]
         self.losses = losses
-        self.sources, self.targets = ([w for net in nets for w in net.parameters()] for nets in (values, targets))
+        self.sources = _weights([self.critics, *(value.net for value in more.values())])
+        self.targets = _weights([self.target_critics, *(value.target_net for value in more.values())])
         self.trained = [*self.actor.parameters(), *self.sources]
         self.trained += [self.log_alpha] if self.config.tune_temperature else []
         on_cuda, rate = self.device.type == "cuda", self.config.learning_rate
-        rate = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
-        self.optimiser = torch.optim.Adam(self.trained, lr=rate, fused=True, capturable=on_cuda)
+        lr = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
+        self.optimiser = torch.optim.Adam(self.trained, lr=lr, fused=True, capturable=on_cuda)
         names = ("encoder", "actor", "critics", "target_critics", "optimiser")
         self.parts = {name: getattr(self, name) for name in names} | more
 
@@ -97,18 +95,19 @@ class Learner:
     def buffers(self, batch: Batch) -> StaticBatch:
         """Fixed buffers with a batch copied in."""
         if self.batch is None or self.batch.size != len(batch.reward):
-            self.batch = StaticBatch(self.layout, len(batch.reward), self.device)
+            self.batch = StaticBatch(self.layout, batch, self.device)
             # whether the policies learn: an update less target networks and counter; on CUDA they never wait
-            self.steps = {acts: CapturedStep(partial(self._step, 0, acts), self.generator) for acts in (True, False)}
+            steps = {acts: partial(self._step, self.batch, 0, acts) for acts in (True, False)}
+            self.steps = {acts: CapturedStep(step, self.generator) for acts, step in steps.items()}
         self.batch.load(batch)
         return self.batch
 
     def update(self, batch: Batch, epoch: int) -> Metrics:
         """See `LearningAgent.update`."""
-        self.buffers(batch)
+        buffers = self.buffers(batch)
         self._set_learning_rate()
         acts = self.updates % self.config.actor_every == 0
-        metrics = self.steps[acts]() if self.curiosity is None else self._step(epoch, acts)
+        metrics = self.steps[acts]() if self.curiosity is None else self._step(buffers, epoch, acts)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
             self.check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
@@ -129,19 +128,19 @@ class Learner:
         else:
             group["lr"] = rate
 
-    def _step(self, epoch: int, acts: bool) -> Metrics:
+    def _step(self, batch: StaticBatch, epoch: int, acts: bool) -> Metrics:
         """`acts` says whether the policies and temperatures learn, too."""
-        batch = self.batch
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         metrics = {"reward": batch.reward.mean()}
         next_noise, noise = self.noise(2, *batch.action.shape)
-        policies = sample = seen = intrinsic = None
+        sample = view = seen = intrinsic = None
         if acts or self.shows_policy:
             with torch.set_grad_enabled(acts):
-                policies = self.actor(inputs)
-                sample = squashed_gaussian(*policies, noise)
+                mean, log_std = self.actor(inputs)
+                sample = squashed_gaussian(mean, log_std, noise)
+            view = self.view(batch.source, (mean, log_std), sample)
         if self.curiosity is not None:
-            seen = self.transitions(batch.source, (inputs.state, next_inputs.state), epoch, policies, sample)
+            seen = self.transitions(batch.source, (inputs.state, next_inputs.state), epoch, view)
             raw, normalised, learned = self.curiosity.learn(seen)
             intrinsic, metrics = (raw, normalised), metrics | learned
         step = Step(batch, inputs, next_inputs, next_noise, sample if acts else None, seen, intrinsic)
@@ -152,22 +151,30 @@ class Learner:
         """Whether the curiosity method asks for a view of the policy that explores."""
         return self.curiosity is not None and self.curiosity.method.uses_policy
 
-    def transitions(
-        self, batch: Batch, states: Pair, epoch: int, policies: Pair | None, sample: Pair | None
-    ) -> Transitions:
-        """What the curiosity method sees, from states (B, D) before and after the step, and what the actor gives."""
-        view = None
-        if self.shows_policy:
-            explorer = ((first[-1], second[-1]) for first, second in (policies, sample))
-            given = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
-            view = view_policy(*explorer, *given)
-        return self.curiosity.transitions(states, batch, epoch, view, self.encoder.normalise)
-
-    def policy_term(self, step: Step) -> Tensor | None:
-        """What the curiosity method adds to log pi in the loss of the policy that explores, (B,)."""
+    @property
+    def required_curiosity(self) -> Curiosity:
+        """The curiosity method. Raises ValueError where there is none."""
         if self.curiosity is None:
+            raise ValueError("this agent has no curiosity method")
+        return self.curiosity
+
+    def view(self, batch: Batch, policies: Pair, sample: Pair) -> PolicyView | None:
+        """What the policy that explores does in a batch, if the method asks; from mean, log-std and a sample (P, …)."""
+        if not self.shows_policy:
             return None
-        return self.curiosity.policy_term(step.transitions, step.batch.desired_goal[0], step.sample[0][-1])
+        (mean, log_std), (action, log_prob) = policies, sample
+        stored, desired = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
+        return view_policy((mean[-1], log_std[-1]), (action[-1], log_prob[-1]), stored, desired)
+
+    def transitions(self, batch: Batch, states: Pair, epoch: int, view: PolicyView | None) -> Transitions:
+        """What the curiosity method sees, from states (B, D) before and after the step; ValueError without one."""
+        return self.required_curiosity.transitions(states, batch, epoch, view, self.encoder.normalise)
+
+    def policy_term(self, step: Step, actions: Tensor) -> Tensor | None:
+        """What the method adds (B,) to log pi of actions (B, A) in the loss of the policy that explores."""
+        if step.transitions is None:
+            return None
+        return self.required_curiosity.policy_term(step.transitions, step.batch.desired_goal[0], actions)
 
     def bootstrapped(self, reward: Tensor, next_values: Tensor, next_log_prob: Tensor, log_alpha: Tensor) -> Tensor:
         """Targets (B,) as `bootstrapped_target` has them, with or without entropy as the config says."""
@@ -182,7 +189,7 @@ class Learner:
         losses = {name: loss for name, (loss, _) in found.items()}
         if self.device.type == "cpu":
             self.check(losses)
-        gradients = torch.autograd.grad(sum(losses.values()), self.trained, allow_unused=not acts)
+        gradients = torch.autograd.grad(reduce(torch.add, losses.values()), self.trained, allow_unused=not acts)
         for parameter, gradient in zip(self.trained, gradients, strict=True):
             parameter.grad = gradient
         self.optimiser.step()
@@ -190,6 +197,10 @@ class Learner:
 
     def check(self, losses: dict[str, Tensor]) -> None:
         """Raise NonFiniteError unless all losses are finite. Waits for the device."""
-        if not math.isfinite(sum(losses.values()).item()):
+        if not math.isfinite(reduce(torch.add, losses.values()).item()):
             broken = ", ".join(f"{name} ({loss.item()})" for name, loss in losses.items() if not loss.isfinite())
             raise NonFiniteError(f"update {self.updates}: loss not finite: {broken}")
+
+
+def _weights(nets: Iterable[nn.Module]) -> list[Tensor]:
+    return [weights for net in nets for weights in net.parameters()]

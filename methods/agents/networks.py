@@ -26,8 +26,10 @@ def make_net(
     config: SACConfig, members: int, context_size: int, pair_size: int, out_size: int, generator: torch.Generator
 ) -> DeepSets | PairAttention:
     """`members` networks of the kind and size that the config names; all kinds are called alike."""
-    kind = {"deep_sets": DeepSets, "pair_attention": PairAttention}[config.network]
-    return kind(members, context_size, pair_size, config.hidden, out_size, config.layer_norm, generator)
+    kinds: dict[str, type[DeepSets | PairAttention]] = {"deep_sets": DeepSets, "pair_attention": PairAttention}
+    return kinds[config.network](
+        members, context_size, pair_size, config.hidden, out_size, config.layer_norm, generator
+    )
 
 
 class Actor(nn.Module):
@@ -50,7 +52,8 @@ class Actor(nn.Module):
 
     def sample(self, inputs: PairInputs, noise: Tensor) -> tuple[Tensor, Tensor]:
         """Actions (P, B, A) in (-1, 1) and log-densities (P, B), all from the same standard normal noise (B, A)."""
-        return squashed_gaussian(*self(inputs), noise)
+        mean, log_std = self(inputs)
+        return squashed_gaussian(mean, log_std, noise)
 
 
 class TwinCritics(nn.Module):

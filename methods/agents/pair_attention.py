@@ -10,6 +10,8 @@ wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 
 arXiv 1810.00825) lets the network choose. Norms are layer norms (Ba et al. 2016) without gain and offset.
 """
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -67,7 +69,17 @@ class PairAttention(nn.Module):
         return PairAttentionFunction.apply(contexts, pairs, self.layer_norm, trained, *weights)
 
 
-def pair_attention(contexts, pairs, layer_norm, first, second, third, attention, out_weights, out_bias) -> Tensor:
+def pair_attention(
+    contexts: Tensor,
+    pairs: Tensor,
+    layer_norm: bool,
+    first: Tensor,
+    second: Tensor,
+    third: Tensor,
+    attention: Tensor,
+    out_weights: Tensor,
+    out_bias: Tensor,
+) -> Tensor:
     """`PairAttention` written down as its definition; shapes as in its `forward`."""
     n_contexts, (n_pairs, batch, _) = len(contexts), pairs.shape
 
@@ -95,7 +107,19 @@ class PairAttentionFunction(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, contexts, pairs, layer_norm, trained, first, second, third, attention, out_weights, out_bias):
+    def forward(
+        ctx: Any,
+        contexts: Tensor,
+        pairs: Tensor,
+        layer_norm: bool,
+        trained: int,
+        first: Tensor,
+        second: Tensor,
+        third: Tensor,
+        attention: Tensor,
+        out_weights: Tensor,
+        out_bias: Tensor,
+    ) -> Tensor:
         (n_contexts, batch, size), n_pairs, members = contexts.shape, len(pairs), len(first)
         shape, attention = (n_contexts, n_pairs, batch), attention.detach()
         first, second, third = (_centred(weights, layer_norm) for weights in (first, second, third))
@@ -104,11 +128,11 @@ class PairAttentionFunction(torch.autograd.Function):
         rows, units = n_contexts * n_pairs * batch, first.shape[2]
         x, h = (first.new_empty(members, rows, units) for _ in range(2))
         scales_1, scores, weights, scales_2 = first.new_empty(4, members, rows).unbind()
-        inputs = (array.numpy() for array in (of_pair, of_context, attention))
+        inputs = (of_pair.numpy(), of_context.numpy(), attention.numpy())
         fused.first_layer(*inputs, shape, layer_norm, x.numpy(), h.numpy(), scales_1.numpy(), scores.numpy())
         z = torch.baddbmm(second[:, -1:], h, second[:, :-1])
         pooled = z.new_empty(members, n_contexts * batch, z.shape[2])
-        outputs = (array.numpy() for array in (weights, scales_2, pooled))
+        outputs = (weights.numpy(), scales_2.numpy(), pooled.numpy())
         fused.pool(z.numpy(), scores.numpy(), shape, layer_norm, *outputs)
         of_pooled, of_again, bias = third.split([z.shape[2], size, 1], dim=1)
         y = torch.baddbmm(bias, _every_member(contexts, members), of_again).baddbmm_(pooled, of_pooled)
@@ -123,7 +147,7 @@ class PairAttentionFunction(torch.autograd.Function):
         return torch.baddbmm(out_bias, out_weights, rho.mT).mT.unflatten(1, (n_contexts, batch))
 
     @staticmethod
-    def backward(ctx, grad):
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
         (
             contexts, pairs, first, second, third, attention, out_weights, x, h, scales_1, weights, z, scales_2, pooled,
             y, rho, scales_3,
@@ -136,12 +160,12 @@ class PairAttentionFunction(torch.autograd.Function):
         of_pooled, of_again, _ = third.split([z.shape[2], size, 1], dim=1)
         at_pooled = torch.bmm(at_y, of_pooled.mT)
         at_z, at_scores = torch.empty_like(z), torch.empty_like(weights)
-        inputs = (array.numpy() for array in (at_pooled, z, weights, scales_2))
-        fused.pool_backward(*inputs, ctx.shape, norm, at_z.numpy(), at_scores.numpy())
+        of_pool = (at_pooled.numpy(), z.numpy(), weights.numpy(), scales_2.numpy())
+        fused.pool_backward(*of_pool, ctx.shape, norm, at_z.numpy(), at_scores.numpy())
         at_x = torch.bmm(at_z, second[:, :-1].mT)
         at_context = at_x.new_empty(members, len(contexts) * contexts.shape[1], at_x.shape[2])
-        inputs = (array.numpy() for array in (at_x, at_scores, attention, x, scales_1))
-        fused.first_layer_backward(*inputs, ctx.shape, norm, at_context.numpy())
+        of_first = (at_x.numpy(), at_scores.numpy(), attention.numpy(), x.numpy(), scales_1.numpy())
+        fused.first_layer_backward(*of_first, ctx.shape, norm, at_context.numpy())
         few, to_contexts = ctx.trained * contexts.shape[1], None  # contexts that train the weights come first
         if ctx.needs_input_grad[0]:
             to_contexts = torch.zeros_like(contexts)

@@ -11,7 +11,7 @@ from typing import NamedTuple, get_args
 import torch
 from torch import Tensor
 
-from curiobench.methods.agents import fused, near_field
+from curiobench.methods.agents import fused_encoding, near_field
 from curiobench.methods.agents.settings import PairMode, SACConfig
 from curiobench.methods.checks import Sees
 from curiobench.methods.moments import RunningMoments
@@ -24,8 +24,8 @@ class PairLayout:
     An observation is `[body | block 0 | block 1 | …]`. Bits are found by name through `pairs`, never by position, so
     that networks and environment cannot disagree on their order.
 
-    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, or where a detail is no
-    column.
+    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, where a block has fewer
+    than six columns, or where a detail is no column.
     """
 
     n_blocks: int
@@ -52,6 +52,8 @@ class PairLayout:
         bits = sorted(bit for _, _, *pair_bits in self.pairs for bit in pair_bits)
         if bits != list(range(self.goal_size)):
             raise ValueError(f"pairs use the goal bits {bits}; each of 0…{self.goal_size - 1} must appear once")
+        if self.block_size < 6:
+            raise ValueError(f"block_size is {self.block_size}; a block begins with its two positions, 6 columns")
         for details, size in ((self.body_details, self.body_size), (self.block_details, self.block_size)):
             if not set(details) <= set(range(size)):
                 raise ValueError(f"details are the columns {details}; there are {size} columns")
@@ -167,13 +169,24 @@ class PairEncoder:
         state = rows.new_empty(*rows.shape[:2], layout.observation_size)
         context = rows.new_empty(*rows.shape[:2], self.context_size)
         pairs = rows.new_empty(len(rows), len(self._pairs), rows.shape[1], self.pair_size)
-        inputs = (tensor.numpy() for tensor in (rows, self._shift, self._scale))
-        sizes, written = (layout.body_size, layout.block_size, layout.goal_size), (state, context, pairs)
-        ordered = (self._detail_scale.numpy(), sizes, self._pairs.numpy(), mode, near_field.ROLE_WEIGHTS)
-        # constants as arguments: Numba's cache would not notice that they changed
-        features = (self.near_field, near_field.SCALES)
-        fused.encode(*inputs, self.body.clip, *ordered, *features, *(tensor.numpy() for tensor in written))
-        return written
+        fused_encoding.encode(
+            rows.numpy(),
+            self._shift.numpy(),
+            self._scale.numpy(),
+            self.body.clip,
+            self._detail_scale.numpy(),
+            (layout.body_size, layout.block_size, layout.goal_size),
+            self._pairs.numpy(),
+            mode,
+            # constants as arguments: Numba's cache would not notice that they changed
+            near_field.ROLE_WEIGHTS,
+            self.near_field,
+            near_field.SCALES,
+            state.numpy(),
+            context.numpy(),
+            pairs.numpy(),
+        )
+        return state, context, pairs
 
     def encode_plainly(self, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """States (S, B, D), contexts (S, B, C) and pairs (S, P, B, F); see `encode_rows`."""
@@ -226,7 +239,10 @@ class PairEncoder:
         ends = (first, second) if turn is None else (torch.where(turn, second, first), torch.where(turn, first, second))
         start = torch.arange(0, sets * batch * n, n, device=blocks.device).view(sets, 1, batch)
         rows = blocks.reshape(-1, width)
-        return tuple(rows.index_select(0, (start + end).flatten()).view(sets, -1, batch, width) for end in ends)
+        of_first, of_second = (
+            rows.index_select(0, (start + end).flatten()).view(sets, -1, batch, width) for end in ends
+        )
+        return of_first, of_second
 
     def _of_their_bits(self, values: list[Tensor], turn: Tensor | None) -> Tensor:
         """close, on(first, second), on(second, first) of every pair (S, P, B, 3 k), of k kinds of bits (S, B, bits)."""

@@ -59,11 +59,11 @@ class SAC(LearningAgent):
         """
         learner = self.learner
         if step.intrinsic is not None:
-            step.batch.reward.add_(step.intrinsic[1], alpha=learner.curiosity.tau)
+            step.batch.reward.add_(step.intrinsic[1], alpha=learner.required_curiosity.tau)
         stored, *own = learner.critics(step.inputs, step.actions(), trained=1).unbind(1)
         found = {"critics": critic_loss(stored, self._target(step))}
         if step.sample is not None:
-            (log_prob,), term = step.sample[1], learner.policy_term(step)
+            (log_prob,), term = step.sample[1], learner.policy_term(step, step.sample[0][-1])
             found |= policy_losses(own[0], log_prob, learner.log_alpha, learner.target_entropy, term)
         return found
 

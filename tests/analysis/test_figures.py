@@ -1,25 +1,24 @@
 """What is in the figures, seen in their Axes, and what `curiobench figure` writes."""
 
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from curiobench.analysis.comparison import draw_comparison, draw_heat_map, success_over_training
-from curiobench.analysis.curves import (
+from curiobench.analysis.comparison import draw_comparison, draw_heat_map
+from curiobench.analysis.figures import (
+    KINDS,
     MOST_POINTS,
     THRESHOLDS,
     draw_bonus,
     draw_exploitation,
+    draw_figures,
     draw_learned,
     draw_profile,
     draw_success,
     thinned,
 )
-from curiobench.analysis.figures import KINDS, draw_figures
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
@@ -78,7 +77,7 @@ def test_samples_hold_means_of_layers_and_last_success_of_goals(samples):
     assert mihm.success[1, :, 2].tolist() == [0, 0, 0, 0.5, 1]
     assert mihm.learned[0, :, 1].tolist() == [1, 2, 2, 2, 2]
     assert task.samples[0].goal_success.tolist() == [[1, 1, 1, 1], [1, 1, 1, 0]]
-    assert success_over_training(mihm)[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
+    assert mihm.area[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
     assert task.steps_per_epoch == 1000
 
 
@@ -117,18 +116,12 @@ def test_low_curves_have_axes_that_end_close_above_them_the_same_in_all_panels(d
     assert all(seen_ticks(axes)[-1] == pytest.approx(top) for axes in figure.axes)
 
 
-def test_no_learned_goal_has_an_axis_of_whole_goals(drawn):
-    (figure,) = drawn(draw_learned, seeds=1, success=lambda task, method, seed, epoch, goal: 0)
-    assert seen_ticks(figure.axes[0]) == [0, 1, 2]
-
-
-def test_one_seed_has_a_line_and_no_band(drawn):
-    (figure,) = drawn(draw_success, seeds=1)
-    assert all(len(axes.lines) == 2 and not axes.collections for axes in figure.axes)
-
-
-def test_ticks_tell_epochs_and_million_steps(drawn):
-    axes = drawn(draw_learned, epochs=40)[0].axes[0]
+def test_axes_of_one_seed_without_a_learned_goal(drawn):
+    (figure,) = drawn(draw_learned, seeds=1, epochs=40, success=lambda *args: 0)
+    (axes,) = figure.axes
+    assert seen_ticks(axes) == [0, 1, 2]  # integers
+    assert len(axes.lines) == 2
+    assert not axes.collections  # a single seed has no band
     assert axes.get_xlabel() == "epoch (million steps)"
     assert axes.xaxis.get_major_formatter()(20) == "20\n(0.02)"
 
@@ -139,7 +132,7 @@ def test_no_steps_where_an_epoch_has_no_fixed_number_of_them(samples):
         assert draw_learned(task, task.samples)[0].axes[0].get_xlabel() == "epoch"
 
 
-def test_many_methods_stand_in_small_multiples_with_sac_in_each(drawn):
+def test_many_methods_are_small_multiples_with_sac_in_each(drawn):
     (figure,) = drawn(draw_success, methods=NINE, seeds=2)
     panels = np.reshape(figure.axes, (5, 3))
     assert [axes.get_ylabel() for axes in panels[:, 0]] == ["icm", "rnd", "dac", "re3", "mi"]
@@ -184,24 +177,17 @@ def test_every_method_from_outside_has_a_colour_of_its_own_that_stays(samples):
     assert len(line_styles([*names, "lab:OneMore"])) == len(names) + 1
 
 
-def test_share_of_the_exploitation_policy(samples):
-    task = samples(methods=("mihm", "icm+hm"))
+def test_logged_columns_are_drawn_of_methods_that_have_them(samples):
+    task = samples(methods=("sac", "icm", "mihm"))
+    shown = {name: [s.method for s in task.samples if KINDS[name].shows(s)] for name in ("exploitation", "bonus")}
+    assert shown == {"exploitation": ["mihm"], "bonus": ["icm", "mihm"]}
+    _, icm, mihm = task.samples
     with theme():
-        (figure,) = draw_exploitation(task, task.samples)
-    line = lines(figure.axes[0])["mihm"]
+        (bonus,), (share,) = draw_bonus(task, [icm]), draw_exploitation(task, [mihm])
+    assert lines(bonus.axes[0])["icm"].get_ydata() == pytest.approx([0.2, 0.1, 0.2 / 3, 0.05])  # as in synthetic runs
+    line = lines(share.axes[0])["mihm"]
     assert line.get_xdata().tolist() == [1, 2, 3, 4]
-    success = task.samples[0].success[:, 1:, 0].mean(0)  # the synthetic share is 0.5 + 0.4 × success
-    assert line.get_ydata() == pytest.approx(0.5 + 0.4 * success)
-
-
-def test_spread_of_the_bonus_is_drawn_of_methods_that_have_one(samples):
-    task = samples(methods=("sac", "icm"))
-    sac, icm = task.samples
-    with theme():
-        (figure,) = draw_bonus(task, [icm])
-    as_synthetic = [0.2, 0.1, 0.2 / 3, 0.05]
-    assert lines(figure.axes[0])["icm"].get_ydata() == pytest.approx(as_synthetic)
-    assert [KINDS["bonus"].shows(sample) for sample in (sac, icm)] == [False, True]
+    assert line.get_ydata() == pytest.approx(0.5 + 0.4 * mihm.success[:, 1:, 0].mean(0))
 
 
 def test_heat_map_has_every_goal_by_layer_and_every_method(samples):
@@ -279,11 +265,10 @@ def drawn_texts(figure):
 
 
 def test_curves_are_thinned_to_what_can_be_seen():
-    kept = thinned(500)
-    assert len(kept) == MOST_POINTS
-    assert (kept[0], kept[-1]) == (0, 499)
-    assert thinned(41).tolist() == list(range(41))
-    assert thinned(1).tolist() == [0]
+    for count, kept in ((500, MOST_POINTS), (41, 41), (1, 1)):
+        epochs, values = thinned(np.arange(count), np.arange(count)[None])
+        assert (len(epochs), epochs[0], epochs[-1]) == (kept, 0, count - 1)
+        assert values[0].tolist() == epochs.tolist()
 
 
 def test_goals_that_differ_within_a_task_are_an_error(make_runs):
@@ -298,18 +283,13 @@ def names(paths):
     return [path.name for path in paths]
 
 
-def test_files_of_every_kind(make_runs, tmp_path):
-    results = read_results(make_runs(seeds=1), every_goal=False)
-    paths = draw_figures(results, tmp_path / "new" / "figures", formats=["png"])
-    kinds = ["learning-curves", "learned-goals", "exploitation", "bonus", "heat-map", "profile", "comparison"]
-    assert names(paths) == [f"stack2-{kind}.png" for kind in kinds]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
-
-
 def test_each_task_has_its_own_files(make_runs, tmp_path):
     results = read_results(make_runs(tasks=("stack2", "stack3"), methods=("sac",), seeds=1), every_goal=False)
     paths = draw_figures(results, tmp_path, like="paper", formats=["png"])
     assert names(paths) == ["stack2-figure-4.png", "stack3-figure-4.png"]
+    others = read_results(make_runs(methods=("lab:Mine",), seeds=1), every_goal=False)
+    with pytest.raises(ValueError, match="no run of a method in the paper's figures"):
+        draw_figures(others, tmp_path, like="paper")
 
 
 def test_same_runs_give_the_same_bytes(make_runs, tmp_path):
@@ -342,7 +322,7 @@ def test_paper_figures_have_the_papers_methods(make_runs, tmp_path, monkeypatch)
     assert "too few" in text
 
 
-def test_caption_tells_seeds_partial_runs_and_whole_specs(make_runs, tmp_path, monkeypatch):
+def test_caption_names_seeds_partial_runs_and_full_specs(make_runs, tmp_path, monkeypatch):
     captions = []
     monkeypatch.setattr("curiobench.analysis.figures.caption", lambda figure, text: captions.append(text))
     paths = make_runs(methods=("sac", LONG), seeds=3) + make_runs(methods=("icm",), seeds=1, complete=False)
@@ -354,19 +334,18 @@ def test_caption_tells_seeds_partial_runs_and_whole_specs(make_runs, tmp_path, m
     assert "SomethingLong is my_lab.curiosity:SomethingLong." in captions[0]
 
 
-@pytest.fixture
-def command(cli):
-    return partial(cli, "figure")
-
-
-def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, command):
-    make_runs(methods=("sac",), seeds=1)
+def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
+    make_runs(methods=("sac", "mihm"), seeds=1)
     make_runs(methods=("icm",), seeds=1, complete=False)
-    code, out, err = command(tmp_path / "runs", "--out", tmp_path / "drawn", "--format", "png")
-    assert code == 0
-    assert all(Path(line).is_file() for line in out.splitlines())
-    assert len(out.splitlines()) == 5
-    assert "stack2-icm-0 is partial" in err
+    out = tmp_path / "new" / "figures"
+    code, printed, err = cli("figure", tmp_path / "runs", tmp_path / "none", "--out", out, "--format", "png")
+    kinds = ["learning-curves", "learned-goals", "exploitation", "bonus", "heat-map", "profile", "comparison"]
+    paths = [out / f"stack2-{kind}.png" for kind in kinds]
+    assert printed.splitlines() == list(map(str, paths))
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+    partial, absent = err.splitlines()
+    assert "stack2-icm-0 is partial" in partial
+    assert (code, absent.partition("none is")[0]) == (2, f"curiobench: not in the figures: {tmp_path}/")
 
 
 @pytest.mark.parametrize(
@@ -378,24 +357,8 @@ def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, command)
         (("--partial", "--out", "/dev/null/x"), "cannot write to /dev/null/x"),
     ],
 )
-def test_bad_input_takes_one_line_and_code_2(make_runs, command, options, message):
-    code, out, err = command(*make_runs(methods=("sac",), seeds=1, complete=False), *options)
+def test_bad_input_takes_one_line_and_code_2(make_runs, cli, options, message):
+    code, out, err = cli("figure", *make_runs(methods=("sac",), seeds=1, complete=False), *options)
     assert (code, out) == (2, "")
     assert message in err
     assert err.count("\n") == 1
-
-
-def test_like_paper_without_its_methods_is_an_error(make_runs, tmp_path):
-    results = read_results(make_runs(methods=("lab:Mine",), seeds=1), every_goal=False)
-    with pytest.raises(ValueError, match="no run of a method in the paper's figures"):
-        draw_figures(results, tmp_path, like="paper")
-
-
-def test_missing_path_is_named_after_the_figures(make_runs, tmp_path, command):
-    paths = make_runs(methods=("sac",), seeds=1)
-    code, out, err = command(
-        *paths, tmp_path / "nowhere", "--out", tmp_path / "drawn", "--format", "png", "--like", "paper"
-    )
-    assert code == 2
-    assert len(out.splitlines()) == 1
-    assert "nowhere" in err

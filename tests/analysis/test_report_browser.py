@@ -50,7 +50,7 @@ def visit(page, script: str, width: int = DESKTOP):
 NAMES_IN_ORDER = "[...table.tBodies[0].rows].map((row) => row.cells[0].textContent)"
 
 
-def test_tables_sort_by_click_and_tell_so(page):
+def test_tables_sort_by_click_and_mark_the_order(page):
     names, largest, smallest, sorts = visit(
         page,
         f"""const table = document.querySelector("table.sortable");
@@ -96,7 +96,7 @@ def test_nothing_sticks_out(page, width):
 
 
 def test_commands_unfold_and_the_list_filters(page):
-    folded, opened, all_open, shown, told = visit(
+    folded, opened, all_open, shown, count = visit(
         page,
         """const more = [...document.querySelectorAll(".more")], hidden = () => more.filter((row) => row.hidden).length;
         const folded = hidden();
@@ -112,4 +112,4 @@ def test_commands_unfold_and_the_list_filters(page):
     )
     assert (folded, opened, all_open) == (10, 9, 0)
     assert shown == ["mihm", "mihm"]
-    assert told == "2 of 10 runs"
+    assert count == "2 of 10 runs"

@@ -7,11 +7,21 @@ import shutil
 from functools import partial
 
 import pytest
-from lawful import COMMIT, OUTSIDE, edit_options, edit_rows, edit_versions, lengthen, rewrite, write_lawful
+from lawful import (
+    COMMIT,
+    EPOCHS,
+    OUTSIDE,
+    edit_json,
+    edit_options,
+    edit_rows,
+    edit_versions,
+    lengthen,
+    rewrite,
+    write_lawful,
+)
 
+from curiobench.analysis import load, submission
 from curiobench.analysis import publish as publish_module
-from curiobench.analysis import submission
-from curiobench.analysis.frames import load
 from curiobench.analysis.publish import publish
 from curiobench.analysis.rules import submit_check
 from curiobench.analysis.submission import PRESETS_ONLY, read_submission
@@ -52,7 +62,7 @@ def skipped(folder, against=PRESETS_ONLY):
 
 def test_lawful_runs_pass_everything(runs, published):
     assert verdicts(runs) == {}
-    assert verdicts(runs, str(published)) == {}
+    assert verdicts(runs, str(published)) == verdicts(published) == {}
     assert skipped(runs, str(published)) == set()
     assert skipped(runs) == {"task and robot are the reference's", "versions are the reference's"}
 
@@ -78,10 +88,6 @@ def test_a_run_is_judged_by_its_own_config_where_one_of_its_name_was_left_out(ru
     assert submission.records[other.name]["config"]["seed"] == 0
 
 
-def test_a_published_set_passes_as_a_submission(published):
-    assert verdicts(published) == {}
-
-
 def first(folder):
     return folder / "stack2-sac-0"
 
@@ -90,77 +96,48 @@ def every(folder, method="sac"):
     return sorted(folder.glob(f"stack2-{method.replace(':', '_')}-*"))
 
 
-def gamma(folder):
-    for path in every(folder):
-        edit_options(path, "sac", gamma=0.9)
+def each(change, method="sac", start=0):
+    """Change every run of a method, or those from a seed on."""
+    return lambda folder: [change(path) for path in every(folder, method)[start:]]
 
 
-def unknown_option(folder):
-    for path in every(folder):
-        edit_options(path, turbo=True)
+def in_rows(change, file="evaluations.csv"):
+    """Change the rows of the first run."""
+    return lambda folder: edit_rows(first(folder) / file, change)
 
 
-def missing_option(folder):
-    for path in every(folder):
-        edit_options(path, replay={"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True})
+def in_result(**values):
+    """Change result.json of the first run."""
+    return lambda folder: edit_json(first(folder) / "result.json", lambda result: result.update(values))
 
 
-def miscount(folder):
-    result = json.loads((first(folder) / "result.json").read_text())
-    (first(folder) / "result.json").write_text(json.dumps(result | {"goals_learned": 3}))
+def with_success(success, unsatisfied):
+    """Change the success of one goal at one evaluation of the first run."""
 
-
-def rename_goal(folder):
-    edit_rows(first(folder) / "evaluations.csv", lambda rows: rows.replace({"goal": {"a on b": "b below a"}}))
-
-
-def drop_an_evaluation(folder):
-    edit_rows(first(folder) / "evaluations.csv", lambda rows: rows[rows["epoch"] != 5])
-
-
-def half_an_episode(folder):
     def change(rows):
-        rows.loc[rows["epoch"].eq(1) & rows["goal"].eq("a on b"), ["success", "success_unsatisfied"]] = 0.5
+        place = rows["epoch"].eq(1) & rows["goal"].eq("a on b")
+        rows.loc[place, ["success", "success_unsatisfied"]] = success, unsatisfied
         return rows
 
-    edit_rows(first(folder) / "evaluations.csv", change)
+    return in_rows(change)
 
 
-def more_earned_than_succeeded(folder):
-    def change(rows):
-        rows.loc[rows["epoch"].eq(1) & rows["goal"].eq("a on b"), ["success", "success_unsatisfied"]] = 0.2, 0.4
-        return rows
-
-    edit_rows(first(folder) / "evaluations.csv", change)
+def few_updates(folder):
+    in_rows(lambda rows: rows.assign(updates=rows["epoch"] * 10), "progress.csv")(folder)
+    in_result(updates=10 * EPOCHS)(folder)
 
 
-def copy_a_seed(folder):
-    shutil.copy(first(folder) / "progress.csv", folder / "stack2-sac-1")
-
-
-def leave_two_seeds(folder):
-    for path in every(folder)[2:]:
-        shutil.rmtree(path)
-
-
-def forget_digests(folder):
-    for path in every(folder, OUTSIDE):
-        edit_versions(path, method_sha256=None)
-
-
-def set_updates(folder):
-    edit_rows(first(folder) / "progress.csv", lambda rows: rows.assign(updates=rows["epoch"] * 10))
-    result = json.loads((first(folder) / "result.json").read_text())
-    (first(folder) / "result.json").write_text(json.dumps(result | {"updates": result["epochs"] * 10}))
+REPLAY = {"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True}  # an option is missing
+COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the method's own"
 
 
 @pytest.mark.parametrize(
-    ("mutate", "broken", "told"),
+    ("mutate", "broken", "message"),
     [
-        (lambda f: (first(f) / "result.json").unlink(), "every folder holds one whole run", "stack2-sac-0 is partial"),
-        (lambda f: (f / "notes").mkdir(), "every folder holds one whole run", "notes is no run folder"),
-        (lambda f: shutil.copytree(first(f), f / "again"), "every folder holds one whole run", "is a duplicate of"),
-        (miscount, "every folder holds one whole run", "result.json says goals_learned 3, evaluations.csv 4"),
+        (lambda f: (first(f) / "result.json").unlink(), COMPLETE, "stack2-sac-0 is partial"),
+        (lambda f: (f / "notes").mkdir(), COMPLETE, "notes is no run folder"),
+        (lambda f: shutil.copytree(first(f), f / "again"), COMPLETE, "is a duplicate of"),
+        (in_result(goals_learned=3), COMPLETE, "result.json says goals_learned 3, evaluations.csv 4"),
         (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
         (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
         (
@@ -169,53 +146,66 @@ def set_updates(folder):
             "'all apart' holds at the start of 22 of 25 test episodes, not 23 (stack2-sac-0)\n'all close' holds",
         ),
         (lambda f: rewrite(first(f), episodes=10), "test episodes of a goal", "10 episodes of a goal, not 25"),
-        (rename_goal, "goals", "goal 'b below a', 110 in layer 2, is none of the task's (stack2-sac-0)\ngoal 'a on b'"),
-        (drop_an_evaluation, "evaluations when they are due", "no evaluation after epoch 5 (stack2-sac-0)"),
-        (gamma, "options, apart from the method's own", "sac.gamma is 0.9, not 0.95 (stack2-sac-0, "),
-        (unknown_option, "options, apart from the method's own", "'turbo' is no option"),
-        (missing_option, "options, apart from the method's own", "replay.satisfied_cap is missing, not 0.3"),
+        (
+            in_rows(lambda rows: rows.replace({"goal": {"a on b": "b below a"}})),
+            "goals",
+            "goal 'b below a', 110 in layer 2, is none of the task's (stack2-sac-0)\ngoal 'a on b'",
+        ),
+        (
+            in_rows(lambda rows: rows[rows["epoch"] != 5]),
+            "evaluations when they are due",
+            "no evaluation after epoch 5 (stack2-sac-0)",
+        ),
+        (
+            each(lambda path: edit_options(path, "sac", gamma=0.9)),
+            OPTIONS,
+            "sac.gamma is 0.9, not 0.95 (stack2-sac-0, ",
+        ),
+        (each(lambda path: edit_options(path, turbo=True)), OPTIONS, "'turbo' is no option"),
+        (each(lambda path: edit_options(path, replay=REPLAY)), OPTIONS, "replay.satisfied_cap is missing, not 0.3"),
         (
             lambda f: rewrite(first(f), steps=1000),
             "steps and updates as the options say",
             "1000 steps after epoch 1, not 128000",
         ),
-        (set_updates, "steps and updates as the options say", "10 updates after epoch 1, not 2400"),
-        (half_an_episode, "success in whole episodes", "'a on b' after epoch 1: 0.5 of 25 episodes"),
-        (more_earned_than_succeeded, "success in whole episodes", "0.2 of 25 episodes, 0.4 of 25"),
-        (leave_two_seeds, "3 seeds or more of each method", "stack2 gripper sac: 2 of 3"),
-        (copy_a_seed, "numbers of its own in every run", "the same progress as stack2-sac-0 (stack2-sac-1)"),
-        (forget_digests, "digest of a method from outside", f"none of {OUTSIDE} ("),
+        (few_updates, "steps and updates as the options say", "10 updates after epoch 1, not 2400"),
+        (with_success(0.5, 0.5), "success in whole episodes", "'a on b' after epoch 1: 0.5 of 25 episodes"),
+        (with_success(0.2, 0.4), "success in whole episodes", "0.2 of 25 episodes, 0.4 of 25"),
+        (each(shutil.rmtree, start=2), "3 seeds or more of each method", "stack2 gripper sac: 2 of 3"),
         (
-            lambda f: edit_versions(first(f), git_commit=f"{COMMIT}-dirty"),
-            "unaltered code",
-            "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+            lambda f: shutil.copy(first(f) / "progress.csv", f / "stack2-sac-1"),
+            "numbers of its own in every run",
+            "the same progress as stack2-sac-0 (stack2-sac-1)",
         ),
         (
-            lambda f: lengthen(first(f), git_commit=f"{COMMIT}-dirty"),
-            "unaltered code",
-            "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+            each(lambda path: edit_versions(path, method_sha256=None), OUTSIDE),
+            "digest of a method from outside",
+            f"none of {OUTSIDE} (",
+        ),
+        *(
+            (
+                lambda f, change=change: change(first(f), git_commit=f"{COMMIT}-dirty"),
+                "unaltered code",
+                "made by an altered copy of commit 0123456789ab (stack2-sac-0)",
+            )
+            for change in (edit_versions, lengthen)
         ),
     ],
 )
-def test_what_breaks_a_rule_fails_its_line_only(runs, mutate, broken, told):
+def test_what_breaks_a_rule_fails_its_line_only(runs, mutate, broken, message):
     mutate(runs)
     found = verdicts(runs)
     assert {name: verdict for name, (verdict, _) in found.items()} == {broken: "FAIL"}
-    assert told in found[broken][1]
+    assert message in found[broken][1]
 
 
-def test_evaluations_that_are_not_due_are_found(runs):
-    for path in every(runs):
-        edit_options(path, evaluate_every=2)
+def test_faults_that_fail_two_lines(runs):
+    each(lambda path: edit_options(path, evaluate_every=2))(runs)
+    each(lambda path: edit_versions(path, method_sha256="cd" * 32), OUTSIDE, start=2)(runs)
     found = verdicts(runs)
     assert found["evaluations when they are due"][1].startswith("an unplanned evaluation after epoch 1 (stack2-sac-0,")
-    assert "evaluate_every is 2, not 1" in found["options, apart from the method's own"][1]
-
-
-def test_a_method_of_two_files_is_two_methods(runs):
-    for path in every(runs, OUTSIDE)[2:]:
-        edit_versions(path, method_sha256="cd" * 32)
-    assert verdicts(runs)["digest of a method from outside"] == ("FAIL", f"2 different files of {OUTSIDE}")
+    assert "evaluate_every is 2, not 1" in found[OPTIONS][1]
+    assert found["digest of a method from outside"] == ("FAIL", f"2 different files of {OUTSIDE}")
 
 
 def test_runs_before_task_versions_were_written_down_are_of_the_first(runs):
@@ -228,23 +218,23 @@ def test_runs_before_task_versions_were_written_down_are_of_the_first(runs):
 def test_what_is_the_methods_own_may_differ(runs):
     for path in every(runs):
         edit_options(path, preset="mine", method_config={"depth": 3}, hybrid={}, machine={"threads": 8})
-    assert set(verdicts(runs)) == {"options, apart from the method's own"}  # which no preset "mine" can be held against
+    assert set(verdicts(runs)) == {OPTIONS}  # which no preset "mine" can be held against
 
 
 @pytest.mark.parametrize(
-    ("mutate", "property_", "told"),
+    ("mutate", "property_", "message"),
     [
         (lambda path: edit_versions(path, git_commit=None), "commit on record", "only the version is known, 1.0"),
         (lambda path: edit_versions(path, torch="9.9+cu1"), "versions are the reference's", "torch 9.9+cu1, not 1.0"),
         (lambda path: edit_options(path, device="cuda"), "device and threads are the reference's", "device is 'cuda'"),
     ],
 )
-def test_what_may_change_last_bits_is_a_warning(runs, published, mutate, property_, told):
+def test_what_may_change_last_bits_is_a_warning(runs, published, mutate, property_, message):
     for path in every(runs):
         mutate(path)
     (name, (verdict, detail)), *others = verdicts(runs, str(published)).items()
     assert (name, verdict, others) == (property_, "warn", [])
-    assert told in detail
+    assert message in detail
 
 
 def test_another_task_than_the_sets_is_compared_with_its_preset(lawful, published, tmp_path):
@@ -252,7 +242,7 @@ def test_another_task_than_the_sets_is_compared_with_its_preset(lawful, publishe
         edit_options(shutil.copytree(path, tmp_path / "fetch" / path.name), robot="fetch", worlds=32)
     found = verdicts(tmp_path / "fetch", str(published))
     assert found["task and robot are the reference's"][0] == "warn"
-    assert "worlds is 32, not 64" in found["options, apart from the method's own"][1]
+    assert "worlds is 32, not 64" in found[OPTIONS][1]
 
 
 @pytest.mark.parametrize(
@@ -268,13 +258,13 @@ def test_another_task_than_the_sets_is_compared_with_its_preset(lawful, publishe
 def test_options_that_make_no_sense_fail_and_do_not_stop_it(runs, name, value):
     for path in every(runs):
         edit_options(path, **{name: value})
-    assert "options, apart from the method's own" in verdicts(runs)
+    assert OPTIONS in verdicts(runs)
 
 
 def test_many_faults_are_counted(runs):
     for number, path in enumerate(every(runs)):
         edit_options(path, "sac", **{f"option{number}{letter}": 1 for letter in "abcdefgh"})
-    assert verdicts(runs)["options, apart from the method's own"][1].endswith("\nand 22 more")
+    assert verdicts(runs)[OPTIONS][1].endswith("\nand 22 more")
 
 
 @pytest.fixture

@@ -2,11 +2,10 @@
 
 import csv
 import io
-import json
 import re
 
 import pytest
-from lawful import edit_versions, lengthen
+from lawful import edit_json, edit_versions, lengthen
 from synthetic import write_grid
 
 from curiobench.analysis.formats import comma_separated, latex, markdown, terminal
@@ -14,8 +13,7 @@ from curiobench.analysis.frames import read_results
 from curiobench.analysis.options import cautions
 from curiobench.analysis.paper import LEARNED, PAPER_GOALS, flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.summaries import Estimate, summarise
-from curiobench.analysis.tables import Column, Table, flat_table, method_tables, run_table
+from curiobench.analysis.tables import Column, Estimate, Table, flat_table, method_tables, run_table, summarise
 
 
 def known(task, method, seed, epoch, goal):
@@ -63,7 +61,7 @@ def test_known_answers(results):
     assert (all_["hours"], all_["memory"], all_["machine"]) == (0.04, 800, "Test CPU, 2 cores")
 
 
-def test_hours_of_short_runs_are_told_to_their_seconds(results):
+def test_hours_of_short_runs_have_four_digits(results):
     cost = tables(results)[2]
     assert "0.0400" in terminal([cost])
     results.runs["hours"] *= 10
@@ -82,66 +80,65 @@ def test_some_seeds_reach_it_and_ties_count_half(make_runs):
     assert "3.0 (1 of 2 seeds)" in terminal(method_tables([icm]))
 
 
-def test_the_baseline_is_of_the_same_variant_or_the_only_one(make_runs, tmp_path):
-    make_runs(methods=("sac", "mihm"), success=known)
-    make_runs(methods=("mihm",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.values["better"] is None for s in summaries(read_results([tmp_path / "runs"]))] == [True, False, False]
-    make_runs(methods=("sac",), success=known, options={"sac.tau": 0.1}, suffix="-tau")
-    assert [s.values["better"] is None for s in summaries(read_results([tmp_path / "runs"]))] == [
-        True,
-        True,
-        False,
-        False,
-    ]
-    make_runs(methods=("icm",), success=known, options={"sac.tau": 0.3})
-    unlike = [s for s in summaries(read_results([tmp_path / "runs"])) if s.sample.method == "icm"]
-    assert [s.values["better"] for s in unlike] == [None]
+def test_methods_are_compared_with_the_baseline_of_their_variant_or_else_length(make_runs, tmp_path):
+    tau, long = {"options": {"sac.tau": 0.1}, "suffix": "-tau"}, {"epochs": 8, "suffix": "-long"}
+
+    def compared(**options):
+        """Method, epochs and variant of the samples that are compared, once these runs are there, too."""
+        make_runs(success=known, **options)
+        found = [s for s in summaries(read_results([tmp_path / "runs"])) if s.values["better"] is not None]
+        return {(s.sample.method, s.sample.epochs[-1], s.sample.variant) for s in found}
+
+    assert compared(methods=("sac", "mihm")) == {("mihm", 4, "")}
+    assert compared(methods=("rnd",), **long) == {("mihm", 4, "")}
+    notes = method_tables(summaries(read_results([tmp_path / "runs"])))[1].notes
+    assert "rnd not compared: that takes two seeds each, and runs of sac of the same length" in notes
+    assert compared(methods=("mihm",), **tau) == {("mihm", 4, "sac.tau=0.1"), ("mihm", 4, "sac.tau=0.2")}
+    of_sac = {("mihm", 4, "sac.tau=0.1"), ("mihm", 4, "sac.tau=0.2"), ("rnd", 8, "")}
+    assert compared(methods=("sac",), **long) == of_sac
 
 
-def test_methods_on_unequal_terms_are_named(make_runs, tmp_path):
-    make_runs(methods=("sac",), seeds=1)
-    make_runs(methods=("mihm",), seeds=1, epochs=8, options={"sac.gamma": 0.9})
-    assert cautions(read_results([tmp_path / "runs"]).runs) == [
-        "runs of stack2 differ in epochs (4 or 8), sac.gamma (0.9 or 0.95)"
-    ]
-    make_runs(methods=("icm",), seeds=1, complete=False)
-    assert "runs that are not finished: 1; their last evaluation stands for their end" in cautions(
-        read_results([tmp_path / "runs"], partial=True).runs
+ICM, SAC, MIHM = ({"methods": (name,), "seeds": 1} for name in ("icm", "sac", "mihm"))
+SHORT = {"preset": "short", "sac.gamma": 0.9}
+
+
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        (
+            [SAC, MIHM | {"epochs": 8, "options": {"sac.gamma": 0.9}}],
+            ["runs of stack2 differ in epochs (4 or 8), sac.gamma (0.9 or 0.95)"],
+        ),
+        (  # tau is in the variants
+            [SAC, *(ICM | {"options": {"sac.tau": t, "sac.gamma": 0.9}, "suffix": f"-{t}"} for t in (0.1, 0.4))],
+            ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"],
+        ),
+        (  # runs of several presets are compared within each
+            [ICM | {"options": SHORT}, ICM | {"options": {"preset": "smoke"}, "suffix": "-smoke"}],
+            [],
+        ),
+        (
+            [ICM | {"options": SHORT}, ICM | {"options": {"preset": "smoke"}, "suffix": "-smoke"}, SAC],
+            ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"],
+        ),
+        ([m | {"options": {"method_config": {"beta": b}}} for m, b in ((ICM, 0.2), (MIHM, 0.7))], []),
+        (
+            [SAC, ICM | {"complete": False, "epochs": 2}],
+            ["runs that are not finished: 1; their last evaluation stands for their end"],
+        ),
+    ],
+)
+def test_differences_that_make_a_comparison_unfair_are_named(make_runs, tmp_path, made, expected):
+    for options in made:
+        make_runs(**options)
+    assert cautions(read_results([tmp_path / "runs"], partial=True).runs) == expected
+
+
+def test_options_that_a_run_lacks_are_those_that_reproduce_it(make_runs, tmp_path):
+    run, _ = make_runs(methods=("sac",), seeds=2)
+    edit_json(
+        run / "config.json", lambda record: (record["config"].pop("starts"), record["config"]["sac"].pop("network"))
     )
-
-
-def test_options_that_are_younger_than_a_run_are_what_they_then_were(make_runs, tmp_path):
-    make_runs(methods=("sac",), seeds=2)
-    record = tmp_path / "runs" / "stack2-sac-0" / "config.json"
-    values = json.loads(record.read_text())
-    del values["config"]["starts"], values["config"]["sac"]["network"]
-    record.write_text(json.dumps(values))
-    assert cautions(read_results([tmp_path / "runs"]).runs) == []
-
-
-def test_methods_on_unequal_terms_are_named_also_beside_variants(make_runs, tmp_path):
-    make_runs(methods=("sac",), seeds=1)
-    for tau in (0.1, 0.4):
-        make_runs(methods=("icm",), seeds=1, options={"sac.tau": tau, "sac.gamma": 0.9}, suffix=f"-{tau}")
-    for path in (tmp_path / "runs").glob("stack2-icm-*"):
-        edit_versions(path, mujoco="9.9")
-    assert cautions(read_results([tmp_path / "runs"]).runs) == [
-        "runs of stack2 differ in sac.gamma (0.9 or 0.95)",  # tau is in the variants
-        "runs of stack2 were made with mujoco 1.0 and 9.9",
-    ]
-
-
-def test_presets_that_variants_tell_are_compared_each_by_itself(make_runs, tmp_path):
-    for preset, gamma in (("short", 0.9), ("smoke", 0.95)):
-        make_runs(methods=("icm",), seeds=1, options={"preset": preset, "sac.gamma": gamma}, suffix=f"-{preset}")
-    assert cautions(read_results([tmp_path / "runs"]).runs) == []
-    make_runs(methods=("sac",), seeds=1, options={"preset": "short"})
-    assert cautions(read_results([tmp_path / "runs"]).runs) == ["runs of stack2 differ in sac.gamma (0.9 or 0.95)"]
-
-
-def test_settings_that_two_methods_have_by_the_same_name_are_not_compared(make_runs, tmp_path):
-    make_runs(methods=("icm",), seeds=1, options={"method_config": {"beta": 0.2}})
-    make_runs(methods=("mihm",), seeds=1, options={"method_config": {"beta": 0.7}})
     assert cautions(read_results([tmp_path / "runs"]).runs) == []
 
 
@@ -175,8 +172,8 @@ def test_bold_of_ten_seeds(make_runs):
     assert not any("too few" in note for table in made for note in table.notes)
 
 
-def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
-    """Two tasks, unequal seeds: what a table has to say stands under it, and does not hang on another's size."""
+def test_each_task_has_its_own_notes(make_runs, tmp_path):
+    """Two tasks with unequal seeds: notes of one do not depend on the other."""
     make_runs(methods=("sac", "mihm"), success=known)
     make_runs(tasks=("stack3",), methods=("sac",), seeds=2, options={"updates": 7}, success=known)
     make_runs(tasks=("stack3",), methods=("mihm",), seeds=1, options={"updates": 7}, success=known)
@@ -205,47 +202,27 @@ def test_every_task_tells_its_own_scale_seeds_and_brackets(make_runs, tmp_path):
     )
 
 
-def test_runs_of_another_length_are_not_compared(make_runs, tmp_path):
-    make_runs(methods=("sac", "icm"), success=known)
-    make_runs(methods=("mihm",), epochs=8, success=known)
-    results = read_results([tmp_path / "runs"])
-    found = summaries(results)
-    assert [(s.sample.method, s.values["better"] is None) for s in found] == [
-        ("sac", True),
-        ("icm", False),
-        ("mihm", True),
-    ]
-    notes = method_tables(found)[1].notes
-    assert "mihm not compared: that takes two seeds each, and runs of sac of the same length" in notes
-
-
-def test_company_takes_no_comparison_away(make_runs, tmp_path):
-    """Beside runs of another preset, methods are still compared with the sac of their own length."""
-    make_runs(methods=("sac", "icm"), success=known)
-    alone = {s.sample.method: s.values["better"] for s in summaries(read_results([tmp_path / "runs"]))}
-    make_runs(methods=("sac", "rnd"), epochs=8, options={"updates": 7}, suffix="-long", success=known)
-    found = {
-        (s.sample.method, len(s.sample.epochs)): s.values["better"]
-        for s in summaries(read_results([tmp_path / "runs"]))
-    }
-    assert found["icm", 5] == alone["icm"] is not None
-    assert found["rnd", 9] is not None
-
-
-def test_commits_that_differ_are_named(make_runs, tmp_path):
-    first, *_ = make_runs(methods=("sac",), seeds=2)
+def test_versions_and_commits_that_differ_are_named(make_runs, tmp_path):
+    first, second = make_runs(methods=("sac",), seeds=2)
+    edit_versions(second, mujoco="9.9")
     edit_versions(first, git_commit="abcdef0123")
     lengthen(first, git_commit="12345678")
-    (line,) = cautions(read_results([tmp_path / "runs"]).runs)
-    assert line == "runs of stack2 were made at 3 commits: abcdef0, 1234567, c0ffee"
+    assert cautions(read_results([tmp_path / "runs"]).runs) == [
+        "runs of stack2 were made with mujoco 1.0 and 9.9",
+        "runs of stack2 were made at 3 commits: abcdef0, 1234567, c0ffee",
+    ]
 
 
-def test_terminal(results):
-    text = terminal(tables(results))
+def test_terminal_and_markdown(results):
+    text, marked = terminal(tables(results)), markdown(tables(results)).splitlines()
     learned = text.split("\n\n")[1].splitlines()
     assert learned[0].split("  ")[0] == "method"
-    assert re.split(r"  +", learned[2].strip()) == ["sac", "3", "1.0 [1.0, 1.0]", "0.0 [0.0, 0.0]", "1.0 [1.0, 1.0]"]
-    assert re.split(r"  +", learned[3].strip()) == ["mihm", "3", "2.0 [2.0, 2.0]", "1.7 [1.0, 2.0]", "3.7 [3.0, 4.0]"]
+    sac = ["sac", "3", "1.0 [1.0, 1.0]", "0.0 [0.0, 0.0]", "1.0 [1.0, 1.0]"]
+    mihm = ["mihm", "3", "2.0 [2.0, 2.0]", "1.7 [1.0, 2.0]", "3.7 [3.0, 4.0]"]
+    assert [re.split(r"  +", line.strip()) for line in learned[2:4]] == [sac, mihm]
+    for row in (sac, mihm):
+        assert re.sub(r"([][])", r"\\\1", f"| {' | '.join(row)} |") in marked
+    assert "| --- | ---: | ---: | ---: | ---: |" in marked
     assert "3 seeds are too few to conclude" in text
     assert "\x1b" not in text
     assert "\x1b[1m3.7" not in terminal(tables(results), colour=True)  # of three seeds
@@ -257,19 +234,6 @@ def test_a_narrow_terminal_loses_nothing(results, width):
     made = [*tables(results), run_table(results)]
     words = sorted(terminal(made).replace("─", " ").split())
     assert sorted(terminal(made, width).replace("─", " ").split()) == words
-
-
-def test_markdown(results):
-    lines = markdown(tables(results)).splitlines()
-    assert (
-        "| sac | 3 | 1.0 [1.0, 1.0] | 0.0 [0.0, 0.0] | 1.0 [1.0, 1.0] |".replace("[", r"\[").replace("]", r"\]")
-        in lines
-    )
-    assert any(line.endswith(r"| 3.7 \[3.0, 4.0\] |") for line in lines)
-    assert "| --- | ---: | ---: | ---: | ---: |" in lines
-
-
-LATEX_NAMES = ("learned-goals", "success", "cost")
 
 
 def test_latex_is_escaped_and_balanced(make_runs):
@@ -286,9 +250,8 @@ def test_latex_is_escaped_and_balanced(make_runs):
     plain = re.sub(r"(?m)^%.*$|\\[%_$&#{}]|\\textgreater\{\}", "", fitted)
     assert not re.search(r"[%_$#<>]", plain)
     assert plain.count("{") == plain.count("}")
-    assert re.findall(r"\\label\{(.*?)\}", text) == [
-        f"tab:stack2-{name}" for name in ("learned-goals", "success", "cost")
-    ]
+    names = [f"tab:stack2-{name}" for name in ("learned-goals", "success", "cost")]
+    assert re.findall(r"\\label\{(.*?)\}", text) == names
     assert text.count(r"\resizebox") == 3
     for table in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\bottomrule", text, re.DOTALL):
         assert {line.count(" & ") + 1 for line in table[1].splitlines() if "&" in line} == {len(table[0])}
@@ -348,11 +311,8 @@ def test_the_papers_numbers_beside_another_task_are_marked(results):
         *("paper, stack3: 1 layer", "paper, stack3: 2 layers", "paper, stack3: 3 layers", "paper, stack3: total"),
     ]
     assert "the paper's numbers are of stack3, another task than stack2" in made[-1].notes
-
-
-def test_nothing_of_the_paper(make_runs):
     with pytest.raises(ValueError, match="none of the runs is of a method in the paper's tables, which are sac, icm"):
-        paper_tables(summaries(read_results(make_runs(methods=("dac+hm",)))))
+        paper_tables([])
 
 
 def test_a_line_a_run(make_runs, tmp_path):
@@ -395,15 +355,11 @@ def test_command_warns_of_cells_and_fails_only_for_what_was_named(cli, make_runs
     assert err == f"curiobench: not in the table: {message}; left out\n"
 
 
-def test_command_shows_a_single_run_as_it_is(cli, make_runs):
+def test_command_shows_a_single_run_as_it_is(cli, make_runs, tmp_path):
     (partial,) = make_runs(methods=("mihm",), seeds=1, complete=False)
     code, out, err = cli("table", partial)
     assert (code, err) == (0, "")
     assert "4 of 8" in out
-
-
-def test_command_with_nothing_to_show(cli, make_runs, tmp_path):
-    (partial,) = make_runs(methods=("mihm",), seeds=1, complete=False)
     code, out, err = cli("table", tmp_path / "runs")
     assert (code, out) == (2, "")
     assert err.splitlines() == [

@@ -1,4 +1,4 @@
-"""Times several functions in turns, so that what the machine does meanwhile hits all of them alike."""
+"""Times several functions in turns, so that other load on the machine slows all of them equally."""
 
 import time
 from collections.abc import Callable

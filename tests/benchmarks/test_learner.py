@@ -9,59 +9,17 @@ in one process, so that a busy machine slows both.
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
 import torch
+from layouts import layout_of
+from replays import filled_replay
 
-from curiobench.config import RunConfig
-from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
 from curiobench.methods.reward import Batch
-from curiobench.presets import PRESETS, preset
-from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
-
-STEPS = 50
-SIZES = [(2, 512, 64), (2, 256, 256), (3, 512, 64), (3, 256, 256)]
-"""(blocks, batch, hidden units)"""
-
-
-def layout_of(n_blocks: int) -> PairLayout:
-    pairs = list(combinations(range(n_blocks), 2))
-    bits = [(k, len(pairs) + 2 * k, len(pairs) + 2 * k + 1) for k in range(len(pairs))]
-    return PairLayout(n_blocks, tuple((i, j, *b) for (i, j), b in zip(pairs, bits, strict=True)))
-
-
-def filled_replay(
-    layout: PairLayout, config: ReplayConfig = PRESETS["short"].replay, episodes: int = 400
-) -> EpisodeReplay:
-    """Random episodes whose goal changes once, somewhere; as many goals as three blocks have."""
-    rng = np.random.default_rng(0)
-    goals = np.unique(rng.integers(0, 2, (60, layout.goal_size), dtype=np.uint8), axis=0)[:35]
-
-    def reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> np.ndarray:
-        return (achieved == desired).all(-1)
-
-    config = replace(config, capacity=episodes)
-    on_bits = np.arange(layout.goal_size) >= len(layout.pairs)
-    replay = EpisodeReplay(config, goals, reward, STEPS, layout.observation_size, layout.action_size, on_bits)
-    ends = goals[rng.integers(0, len(goals), (2, episodes))]
-    changed = np.arange(STEPS + 1)[None, :, None] >= rng.integers(1, STEPS, (episodes, 1, 1))
-    observation = rng.normal(size=(episodes, STEPS + 1, layout.observation_size))
-    action = rng.uniform(-1, 1, (episodes, STEPS, layout.action_size))
-    replay.add(Episodes(observation, np.where(changed, ends[1][:, None], ends[0][:, None]), action, ends[1]))
-    return replay
-
-
-def laptop_batch(n_blocks: int) -> tuple[RunConfig, Batch]:
-    """The preset laptop for a task, and a batch of its size with all that methods ask for."""
-    config = preset("laptop", f"stack{n_blocks}")
-    replay = filled_replay(layout_of(n_blocks), config.replay)
-    return config, Batch.from_numpy(replay.sample(config.batch_size, np.random.default_rng(1), 512, episodes=True))
-
+from curiobench.presets import PRESETS
 
 Product = tuple[int, int, int, int]
 """(members, rows, inner, columns)."""
@@ -115,7 +73,7 @@ def floor_of(shapes: list[tuple[int, int, int, int]]) -> Callable[[], None]:
 
 
 def least_ms(*functions: Callable[[], object], rounds: int = 40) -> list[float]:
-    """Least milliseconds of each, called in turns: what is above it is other processes' doing."""
+    """Least milliseconds of each, called in turns; other processes only add to it."""
     times: list[list[float]] = [[] for _ in functions]
     for turn in range(rounds + 3):
         for function, spent in zip(functions, times, strict=True):

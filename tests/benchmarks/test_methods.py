@@ -1,4 +1,4 @@
-"""What a curiosity method costs: a full update of the agent with it, as a multiple of one without.
+"""What a curiosity method costs: a full update beside that of `sac`, and with `+hm` beside that without.
 
     pytest tests/benchmarks/test_methods.py --benchmark-only -s
 
@@ -8,30 +8,38 @@ All agents are updated in turns in one process on the same batch, so that a busy
 import numpy as np
 import pytest
 import torch
+from layouts import layout_of
+from replays import laptop_batch
 from side_by_side import ratio, side_by_side
-from test_learner import laptop_batch, layout_of
 
 from curiobench.methods.process import tune_process
 from curiobench.methods.registry import REWARDS, make_agent
 
 TARGETS = {"icm": 1.4, "rnd": 1.4, "re3": 1.4, "mi": 1.6, "dac": 1.6}
-"""Largest cost of an update beside `sac`'s."""
+"""Largest cost of an update beside that of `sac`."""
+TARGET_OF_HYBRIDS = 2.0
+"""Largest cost of an update with `+hm` beside that without."""
 
 
 @pytest.mark.parametrize("n_blocks", [2, 3])
-def test_update_beside_that_of_sac(benchmark, capsys, n_blocks):
+def test_updates_side_by_side(benchmark, capsys, n_blocks):
     tune_process()
     config, batch = laptop_batch(n_blocks)
-    layout = layout_of(n_blocks)
-    agents = {
-        spec: make_agent(spec, layout, config.sac, torch.Generator().manual_seed(0)) for spec in ("sac", *REWARDS)
-    }
-    updates = {spec: lambda agent=agent: agent.update(batch, epoch=1) for spec, agent in agents.items()}
-    seconds = benchmark.pedantic(lambda: side_by_side(updates, rounds=40), rounds=1)
-    ratios = {spec: ratio(seconds, spec, "sac") for spec in REWARDS}
+    raw = [getattr(batch, name)[:64].numpy() for name in ("observation", "achieved_goal", "desired_goal")]
+    specs = ["sac", *(f"{name}{mechanism}" for name in REWARDS for mechanism in ("", "+hm"))]
+    settings = layout_of(n_blocks), config.sac
+    agents = {spec: make_agent(spec, *settings, torch.Generator().manual_seed(0)) for spec in specs}
+    calls = {spec: lambda agent=agent: agent.update(batch, epoch=1) for spec, agent in agents.items()}
+    calls |= {f"{spec} acts": lambda agent=agents[spec]: agent.act(*raw) for spec in ("sac", "rnd+hm")}
+    seconds = benchmark.pedantic(lambda: side_by_side(calls, rounds=20), rounds=1)
+    beside_sac = {spec: ratio(seconds, spec, "sac") for spec in specs[1:]}
+    hybrids = {name: ratio(seconds, f"{name}+hm", name) for name in REWARDS}
+    acting = ratio(seconds, "rnd+hm acts", "sac acts")
     with capsys.disabled():
-        found = ", ".join(f"{spec} {value:.2f}" for spec, value in ratios.items())
-        sac_ms = 1e3 * np.median(seconds["sac"])
-        print(f"\n{n_blocks} blocks, batch {config.batch_size}: sac {sac_ms:.1f} ms; as multiples of it: {found}")
-    benchmark.extra_info.update(ratios)
-    assert {spec: value for spec, value in ratios.items() if value > TARGETS.get(spec, np.inf)} == {}
+        print(f"\n{n_blocks} blocks, batch {config.batch_size}: sac {1e3 * np.median(seconds['sac']):.1f} ms")
+        print("  update / sac: " + ", ".join(f"{spec} {value:.2f}" for spec, value in beside_sac.items()))
+        print("  hybrid / base: " + ", ".join(f"{name} {value:.2f}" for name, value in hybrids.items()))
+        print(f"  rnd+hm acting / sac acting: {acting:.2f}")
+    benchmark.extra_info.update(beside_sac, acting=acting)
+    assert {spec: value for spec, value in beside_sac.items() if value > TARGETS.get(spec, np.inf)} == {}
+    assert {name: value for name, value in hybrids.items() if value > TARGET_OF_HYBRIDS} == {}

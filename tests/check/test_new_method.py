@@ -1,4 +1,4 @@
-"""A method of one's own, as a user meets it: written, checked, trained, resumed, and stopped where it fails."""
+"""A user's own method from the command line: written, checked, trained, resumed, and stopped where it fails."""
 
 import re
 import sys
@@ -6,6 +6,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint
 
 import pytest
+from commands import TRAIN
 from tiny_runs import TINY
 
 from curiobench import checkpoint
@@ -14,12 +15,9 @@ from curiobench.files import read_json
 from curiobench.methods import specs
 from curiobench.run_folder import RunFolder, read_config, read_rows
 from curiobench.saved_agent import load_agent
-from curiobench.training import train
 
-FLAGS = [
-    *("--task", "stack2", "--preset", "smoke", "--epochs", "2", "--cycles", "1", "--worlds", "4", "--updates", "2"),
-    *("--batch-size", "16", "--episodes-per-goal", "1", "--replay.capacity", "18", "--sac.hidden", "8"),
-]
+FLAGS = (*TRAIN[1:], "--epochs", "2", "--cycles", "1")
+"""Trains in a second; `--method` and `--out` are missing."""
 
 
 @pytest.fixture
@@ -145,14 +143,6 @@ def test_an_installed_method_is_listed_without_importing_it(cli, monkeypatch):
     code, out, _ = cli("list")
     assert code == 0
     assert re.search(r"\n  mine +from outside: nowhere:Mine\n", out)
-
-
-def test_a_method_that_cannot_be_built_is_bad_input(cli, tmp_path):
-    (tmp_path / "unbuilt.py").write_text(
-        "from curiobench.methods.rnd import RND\nclass Unbuilt(RND):\n    def __init__(self): pass\n"
-    )
-    with pytest.raises(ValueError, match=r"method 'unbuilt:Unbuilt' in .*unbuilt\.py: building it raised TypeError"):
-        train(replace(TINY, method="unbuilt:Unbuilt"), tmp_path / "run")
 
 
 def test_a_run_folder_does_not_decide_which_code_runs(cli, tmp_path):

@@ -1,10 +1,9 @@
-"""The command line as a user meets it: exit codes, one line an error, help without heavy imports."""
+"""The command line: exit codes, one line an error, help without heavy imports."""
 
 import fcntl
 import os
 import pty
 import re
-import shlex
 import shutil
 import struct
 import subprocess
@@ -14,16 +13,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from commands import COMMAND, TRAIN, call
+from tiny_runs import numbers
 
 from curiobench.cli.commands import COMMANDS
 from curiobench.methods.specs import BUILT_IN
-
-
-def run(*arguments):
-    """Exit code, stdout and stderr of a command in a process of its own."""
-    command = [sys.executable, "-m", "curiobench", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.mark.parametrize(
@@ -98,7 +92,7 @@ def test_bad_input_takes_one_line_and_exit_code_2(cli, arguments, message):
 
 @pytest.mark.parametrize("columns", [40, 80])
 @pytest.mark.parametrize("command", ["--help", "list"])
-def test_what_is_told_fits_the_terminal(cli, monkeypatch, columns, command):
+def test_help_and_lists_fit_the_terminal(cli, monkeypatch, columns, command):
     monkeypatch.setenv("COLUMNS", str(columns))
     _, out, _ = cli(command)
     assert all(
@@ -152,26 +146,19 @@ def test_evaluate_and_table_of_a_run(cli, finished):
     assert out.splitlines()[-1].split()[:5] == ["finished", "stack2", "sac", "0", "3"]
 
 
-FLAGS = shlex.split(
-    "--task stack2 --preset smoke --epochs 3 --cycles 2 --worlds 4 --updates 2 --batch-size 16 "
-    "--evaluate-every 2 --episodes-per-goal 2 --replay.capacity 18 --sac.hidden 8 --sac.gamma 0.98 "
-    "--sac.temperature 0.2"
-)
-
-
-def test_train_from_the_command_line(finished, tmp_path):
-    code, out, err = run("train", *FLAGS, "--out", tmp_path / "run")
-    assert (code, err) == (0, "")
-    assert str(tmp_path / "run" / "learning_curve.png") in out
-    assert (tmp_path / "run" / "evaluations.csv").read_text() == (finished / "evaluations.csv").read_text()
-    code, out, err = run("train", "--out", tmp_path / "run", "--resume")
+def test_train_from_the_command_line(cli, finished, tmp_path):
+    done = call((*TRAIN, "--out", "run"), tmp_path)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"run/learning_curve.png" in done.stdout
+    assert numbers(tmp_path / "run") == numbers(finished)
+    code, out, err = cli("train", "--out", tmp_path / "run", "--resume")
     assert (code, out) == (2, "")
     assert re.fullmatch(r"curiobench: .*already finished[^\n]*\n", err)
 
 
 @pytest.mark.slow
 def test_ctrl_c_checkpoints_and_resumes(tmp_path):
-    command = [sys.executable, "-m", "curiobench", "train", *FLAGS, "--epochs", "2000", "--out", str(tmp_path / "run")]
+    command = [*COMMAND, *TRAIN, "--epochs", "2000", "--out", str(tmp_path / "run")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.readline()
         os.kill(process.pid, 2)
@@ -184,9 +171,9 @@ def test_ctrl_c_checkpoints_and_resumes(tmp_path):
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
 def test_video(finished, tmp_path, suffix):
     out = tmp_path / f"film.{suffix}"
-    code, text, _ = run("video", finished, "--goal", "a on b", "--episodes", "1", "--out", out)
-    assert code == 0
-    assert text.startswith(f"{out}: ")
+    done = call(("video", str(finished), "--goal", "a on b", "--episodes", "1", "--out", str(out)), tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"{out}: ".encode())
     assert out.stat().st_size > 5_000
 
 

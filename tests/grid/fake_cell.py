@@ -1,7 +1,7 @@
-"""Stands in for `curiobench train`: same folder, lock, rows, signals and exit codes, in hundredths of a second.
+"""Replaces `curiobench train`: same folder, lock, rows, signals and exit codes, in hundredths of a second.
 
-Its run is a chain of numbers, so that rows that are lost, doubled or made from another state do not go unnoticed. What
-it does is told by `fake.json` beside the grid's folder: for each cell the record for its config.json, and how it fails.
+Each row depends on all before it, so that a lost or doubled row shows. `fake.json` beside the grid's folder sets what
+it does: for each cell the record for its config.json, and how it fails.
 """
 
 import fcntl
@@ -37,7 +37,7 @@ def main() -> None:
         file.write(f"{os.getpid()} {os.environ['OMP_NUM_THREADS']}\n")
     starts = len((out / "starts").read_text().splitlines())
     if starts <= cell.get("failures", 0):
-        print("Traceback:\n  in the midst")
+        print("Traceback:\n  in the middle")
         fail(cell.get("message", "no luck"), cell.get("code", 1))
     if not (out / "config.json").exists():
         write(out / "config.json", cell["record"])

@@ -1,8 +1,9 @@
-"""Grids whose cells are `fake_cell.py`: in this process, or as a program `fake_grid.py OUT JOBS|slurm [FLAGS…]`."""
+"""Grids with `fake_cell.py` as cells: in this process, or as a program `fake_grid.py OUT JOBS|slurm [FLAGS…]`."""
 
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from curiobench.cli.arguments import GridArguments, parse
@@ -14,6 +15,7 @@ from curiobench.grid.overview import PlainView, View
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.slurm_launcher import SlurmLauncher
+from curiobench.grid.status import Status
 from curiobench.run_folder import FORMAT
 
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
@@ -28,14 +30,25 @@ def make_cells(out: Path, *flags: str) -> list[Cell]:
     return cells_of(define(parse(GridArguments, "grid", arguments)), out)
 
 
-def tell_fakes(cells: list[Cell], **behaviour: dict) -> None:
-    """Write the fakes' instructions; `behaviour` by folder, with _ for -."""
-    told = {}
+def set_up_fakes(cells: list[Cell], pace: float = 0.02, **behaviour: dict) -> None:
+    """Write what the fakes do: seconds an epoch, and `behaviour` by folder, with _ for -."""
+    planned = {}
     for cell in cells:
         record = {"format": FORMAT, "config_version": 1, "config": cell.config.to_json(), "versions": {}}
-        told[cell.folder] = {"record": record, **behaviour.get(cell.folder.replace("-", "_"), {})}
+        planned[cell.folder] = {"record": record, "pace": pace, **behaviour.get(cell.folder.replace("-", "_"), {})}
     cells[0].out.parent.mkdir(parents=True, exist_ok=True)
-    (cells[0].out.parent / "fake.json").write_text(json.dumps(told))
+    (cells[0].out.parent / "fake.json").write_text(json.dumps(planned))
+
+
+class Watching(PlainView):
+    """Passes the states of the cells to a function whenever they are shown."""
+
+    def __init__(self, watch: Callable[[list[Status]], None]) -> None:
+        super().__init__()
+        self.watch = watch
+
+    def show(self, statuses: list[Status], slots: int) -> None:
+        self.watch(statuses)
 
 
 def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: View | None = None) -> Scheduler:
@@ -48,7 +61,7 @@ def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: View | No
 
 
 def start(out: Path, jobs: int | str, *flags: str) -> subprocess.Popen:
-    """A grid of fakes in a process group of its own, which has told its cells already."""
+    """A grid of fakes, set up already, in a process group of its own."""
     command = [sys.executable, __file__, str(out), str(jobs), *flags]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True

@@ -1,4 +1,4 @@
-"""What a grid is made of: flags, YAML files, cells and their folders, and grid.json."""
+"""The definition of a grid: flags, YAML files, cells and their folders, and grid.json."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from fake_grid import make_cells
 
 from curiobench.cli.arguments import GridArguments, parse
 from curiobench.cli.train_arguments import parse_train
-from curiobench.grid.cells import NAME, cells_of, folder_name, read_record, write_record
+from curiobench.grid.cells import GRID_FILE, cells_of, folder_name, write_record
 from curiobench.grid.definition import Grid, define, read_definition
 from curiobench.options import flatten
 
@@ -67,21 +67,16 @@ def test_flags_override_the_file(yaml):
         ("methods: [no]", "methods is a list; expected a list of names"),
         ("seeds: 1.5", "seeds is '1.5'; expected a number of seeds"),
         ("seeds: 1:30", "seeds is '1:30'; expected"),
-        ("seeds: [0x10]", "seeds is a list; expected"),
-        ("seeds: true", "seeds is True; expected"),
         ("preset: [laptop]", "preset is a list"),
         ("options: [epochs]", "options is a list; expected keys with values"),
         ("options: {sac: {gamma: 1}}", "options: sac is a mapping; expected a number"),
         ("options: {on: 2}", "the key True is True; put it in quotes"),
         ("variants: {../up: {}}", "variant '../up': a name is made of"),
-        ("variants: {.hidden: {}}", "variant '.hidden'"),
         ("variants: {}", "variants is empty"),
         ("variants: {a: 1}", "variant a is '1'; expected keys with values"),
         ("- a", "the file is a list"),
         ("", "the file is empty"),
         ('seeds: !!int ""', "cannot read"),
-        ("seeds: !!bool x", "cannot read"),
-        ("seeds: !!timestamp x", "cannot read"),
         ('preset: "\\UFFFFFFFF"', "cannot read"),
         ("options: &a {epochs: 1}\nvariants: {x: {<<: *a}}", "merge keys (<<) are not allowed"),
         ("tasks: !!python/object/apply:os.system [ls]", "could not determine a constructor"),
@@ -228,7 +223,7 @@ def test_the_record_of_a_folder_holds_the_cells_of_all_its_grids(tmp_path):
     write_record(tmp_path, first, ["curiobench", "grid", "--out", "a b"])
     write_record(tmp_path, second, ["curiobench", "grid", "other"])
     write_record(tmp_path, first[:1], ["curiobench", "grid", "other"])
-    record = json.loads((tmp_path / NAME).read_text())
+    record = json.loads((tmp_path / GRID_FILE).read_text())
     assert record["commands"] == ["curiobench grid --out 'a b'", "curiobench grid other"]
     folders = ["stack2-sac-0", "stack2-icm-0", "stack2-sac-1", "stack2-icm-1", "stack2-mihm-0"]
     assert [cell["folder"] for cell in record["cells"]] == folders
@@ -237,14 +232,11 @@ def test_the_record_of_a_folder_holds_the_cells_of_all_its_grids(tmp_path):
     assert shlex.split(mihm["command"]) == list(second[1].command)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format": "x"}', '{"format": "curiobench grid", "cells": [1]}'])
-def test_a_damaged_record_is_named_and_kept(tmp_path, text):
-    (tmp_path / NAME).write_text(text)
-    with pytest.raises(ValueError, match=r"grid\.json"):
-        read_record(tmp_path)
-    with pytest.raises(ValueError, match=r"grid\.json"):
+def test_a_damaged_record_is_named_and_kept(tmp_path):
+    (tmp_path / GRID_FILE).write_text('{"format": "x"}')
+    with pytest.raises(ValueError, match=r"grid\.json is not a grid's"):
         write_record(tmp_path, make_cells(tmp_path), [])
-    assert (tmp_path / NAME).read_text() == text
+    assert (tmp_path / GRID_FILE).read_text() == '{"format": "x"}'
 
 
 def test_the_example_of_the_docs_is_a_grid(tmp_path):

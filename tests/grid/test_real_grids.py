@@ -93,19 +93,7 @@ def test_ten_kills(tmp_path, undisturbed, start):
     assert numbers(out) == undisturbed
 
 
-def test_ctrl_c_and_on(tmp_path, undisturbed, start):
-    out = tmp_path / "grid"
-    process = start(out, "--jobs", "2")
-    wait_for_rows(process, out)
-    process.send_signal(signal.SIGINT)
-    output = process.communicate(timeout=600)[0]
-    assert process.returncode == 130, output
-    assert "the same command continues" in output
-    finish(start(out, "--jobs", "2"))
-    assert numbers(out) == undisturbed
-
-
-def test_a_grid_with_more_epochs_goes_on_with_the_runs_that_are_there(tmp_path, undisturbed, start):
+def test_a_grid_with_more_epochs_extends_its_finished_runs(tmp_path, undisturbed, start):
     out = tmp_path / "grid"
     finish(start(out, "--jobs", "2", epochs="epochs=5,machine.keep-replay=true"))
     output = finish(start(out, "--jobs", "2"))

@@ -6,7 +6,7 @@ import re
 import sys
 
 import pytest
-from fake_grid import FAKE, make_cells, rows, schedule, tell_fakes, undisturbed
+from fake_grid import FAKE, Watching, make_cells, rows, schedule, set_up_fakes, undisturbed
 
 from curiobench.config import CONFIG_VERSION
 from curiobench.errors import StopRequest
@@ -20,9 +20,9 @@ from curiobench.run_folder import FORMAT, REPLAY, _lock
 
 @pytest.fixture
 def cells(tmp_path):
-    """Two methods and two seeds, told to the fakes."""
+    """Two methods and two seeds, as fakes."""
     cells = make_cells(tmp_path / "grid")
-    tell_fakes(cells)
+    set_up_fakes(cells)
     return cells
 
 
@@ -54,12 +54,12 @@ def test_finished_cells_are_skipped(cells):
 
 
 def test_a_broken_cell_is_tried_again_after_the_others(cells, capsys):
-    tell_fakes(cells, stack2_sac_0={"failures": 1})
+    set_up_fakes(cells, stack2_sac_0={"failures": 1})
     scheduler = schedule(cells, jobs=1)
     assert set(states(scheduler).values()) == {State.FINISHED}
     out = capsys.readouterr().out
     assert (
-        "stack2-sac-0: exit code 1; to be tried again\n    Traceback:\n      in the midst\n    curiobench: no luck"
+        "stack2-sac-0: exit code 1; to be tried again\n    Traceback:\n      in the middle\n    curiobench: no luck"
         in out
     )
     started = re.findall(r"(\S+): started", out)
@@ -68,7 +68,7 @@ def test_a_broken_cell_is_tried_again_after_the_others(cells, capsys):
 
 @pytest.mark.parametrize("retries", [0, 2])
 def test_a_cell_that_stays_broken_stops_no_other(cells, capsys, retries):
-    tell_fakes(cells, stack2_icm_0={"failures": 99, "code": 2, "message": "cannot use checkpoint-3.json: truncated"})
+    set_up_fakes(cells, stack2_icm_0={"failures": 99, "code": 2, "message": "cannot use checkpoint-3.json: truncated"})
     scheduler = schedule(cells, retries=retries)
     assert sorted(states(scheduler).values()) == [State.BROKEN, *[State.FINISHED] * 3]
     broken = scheduler.statuses[1]
@@ -91,7 +91,7 @@ def test_a_folder_with_another_config_is_left_alone(cells, capsys):
     assert sum(state is State.FINISHED for state in states(scheduler).values()) == 3
 
 
-def test_a_shorter_run_is_made_longer_where_that_can_be(cells):
+def test_a_shorter_run_is_extended_where_its_replay_is_kept(cells):
     cell = cells[0]
     shorter = cell.config.to_json() | {"epochs": 3}
     cell.path.mkdir(parents=True)
@@ -110,9 +110,8 @@ def test_a_shorter_run_is_made_longer_where_that_can_be(cells):
 )
 def test_a_folder_with_another_method_is_a_conflict(cells, method, message):
     config = cells[1].config.to_json() | {"method": method}
-    write_record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": config}
     cells[0].path.mkdir(parents=True)
-    write_json(cells[0].path / "config.json", write_record)
+    write_json(cells[0].path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": config})
     state, reason = look(cells[0])
     assert state is State.CONFLICT
     assert message in reason
@@ -124,52 +123,20 @@ def test_a_damaged_config_is_a_conflict(cells):
     assert look(cells[0])[0] is State.CONFLICT
 
 
-def test_a_cell_that_is_locked_is_elsewhere_until_it_is_free(cells, capsys):
-    cells[0].path.mkdir(parents=True)
-    lock = open(cells[0].path / ".lock", "w")  # noqa: SIM115 - closed in the midst
-    fcntl.flock(lock, fcntl.LOCK_EX)
-    assert look(cells[0])[0] is State.ELSEWHERE
-
-    class ThenFree:
-        """Lets go of the lock once the other cells are finished."""
-
-        def __init__(self):
-            self.seen = []
-
-        def show(self, statuses, slots):
-            others = {status.state for status in statuses[1:]}
-            self.seen.append((statuses[0].state, others))
-            if others == {State.FINISHED}:
-                lock.close()
-
-        def __getattr__(self, name):
-            return lambda *arguments: None
-
-    view = ThenFree()
-    scheduler = schedule(cells, view=view)
-    assert set(states(scheduler).values()) == {State.FINISHED}
-    assert (State.ELSEWHERE, {State.FINISHED}) in view.seen
-    assert len(starts(cells[0])) == 1
-
-
-def test_a_waiting_cell_that_another_grid_takes_is_shown_and_taken_over_once(cells):
-    tell_fakes(cells, stack2_sac_0={"pace": 0.2})
+def test_a_waiting_cell_that_another_grid_takes_is_resumed_when_it_is_free(cells):
+    set_up_fakes(cells, stack2_sac_0={"pace": 0.2})
     cells[3].path.mkdir(parents=True)
-    lock = open(cells[3].path / ".lock", "w")  # noqa: SIM115 - closed in the midst
+    lock = open(cells[3].path / ".lock", "w")  # noqa: SIM115 - closed in the middle
     seen = []
 
-    class Taking:
-        def show(self, statuses, slots):
-            if statuses[0].state is State.RUNNING and not seen:
-                fcntl.flock(lock, fcntl.LOCK_EX)
-            seen.append(statuses[3].state)
-            if statuses[3].state is State.ELSEWHERE:
-                lock.close()
+    def take(statuses):
+        if statuses[0].state is State.RUNNING and not seen:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        seen.append(statuses[3].state)
+        if statuses[3].state is State.ELSEWHERE:
+            lock.close()
 
-        def __getattr__(self, name):
-            return lambda *arguments: None
-
-    scheduler = schedule(cells, jobs=1, view=Taking())
+    scheduler = schedule(cells, jobs=1, view=Watching(take))
     assert set(states(scheduler).values()) == {State.FINISHED}
     assert seen.index(State.ELSEWHERE) < seen.index(State.RUNNING)
     assert [len(starts(cell)) for cell in cells] == [1, 1, 1, 1]
@@ -197,7 +164,7 @@ def test_a_start_race_is_no_failure(cells, capsys):
     assert scheduler.statuses[0].failures == 0
 
 
-def test_train_says_in_these_words_that_a_folder_is_taken(tmp_path):
+def test_train_names_a_taken_folder_in_the_words_that_the_grid_expects(tmp_path):
     with _lock(tmp_path / ".lock"), pytest.raises(ValueError, match=_TAKEN):
         _lock(tmp_path / ".lock")
 
@@ -210,25 +177,18 @@ def test_a_program_that_cannot_be_started(cells, monkeypatch):
     }
 
 
-def test_a_cell_ended_by_somebody_else_is_resumed(cells):
-    """Killed in the middle by a person or the kernel, it goes on from its checkpoint."""
-    tell_fakes(cells, stack2_sac_0={"pace": 0.1})
+def test_a_cell_killed_by_somebody_else_is_resumed(cells, capsys):
+    """Killed in the middle by a person or the kernel, it continues from its checkpoint."""
+    set_up_fakes(cells, stack2_sac_0={"pace": 0.5})
+    killed = []
 
-    class Killing:
-        done = False
+    def kill(statuses):
+        if not killed and statuses[0].progress.epoch >= 3:
+            os.kill(int(starts(cells[0])[0].split()[0]), 9)
+            killed.append(True)
 
-        def show(self, statuses, slots):
-            if not self.done and statuses[0].progress.epoch >= 4:
-                os.kill(int(starts(cells[0])[0].split()[0]), 9)
-                self.done = True
-
-        def event(self, text):
-            assert "ended by signal 9 (Killed); to be tried again" in text
-
-        def __getattr__(self, name):
-            return lambda *arguments: None
-
-    scheduler = schedule(cells, view=Killing())
+    scheduler = schedule(cells, view=Watching(kill))
+    assert "ended by signal 9 (Killed); to be tried again" in capsys.readouterr().out
     assert set(states(scheduler).values()) == {State.FINISHED}
     assert len(starts(cells[0])) == 2
     assert rows(cells[0].out) == undisturbed(cells)

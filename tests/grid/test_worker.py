@@ -30,7 +30,7 @@ def test_a_task_that_is_cancelled_while_its_process_starts_passes_that_on(monkey
     assert signal.getsignal(signal.SIGINT) == before
 
 
-def test_a_process_that_cannot_start_is_told(monkeypatch):
+def test_a_process_that_cannot_start_is_an_error(monkeypatch):
     monkeypatch.setattr(launcher, "LocalJob", lambda *_: Path("/nowhere/log").touch())
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(OSError, match="No such file"):

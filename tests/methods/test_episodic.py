@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from curiosity import fresh, mutated, plain, random_transitions, shaken
+from curiosity import fresh, plain, random_transitions, with_random_biases
 
 from curiobench.methods.e3b import E3B
 from curiobench.methods.ngu import NGU
@@ -14,7 +14,7 @@ from curiobench.methods.ride import RIDE
 
 def some_method(cls, **config):
     method = fresh(cls, features=3, **config)
-    return shaken(method, method.phi.encoder, method.phi.inverse)
+    return with_random_biases(method, method.phi.encoder, method.phi.inverse)
 
 
 def features_of(method, states: torch.Tensor) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_the_first_reward_of_ngu_has_the_scale_of_later_ones():
     assert 0.5 < first / method.reward(random_transitions(64, 5)).mean() < 2
 
 
-def test_e3b_bears_large_features_that_hardly_change():
+def test_e3b_stays_finite_with_large_features_that_hardly_change():
     method, batch = some_method(E3B), random_transitions(8)
     method.phi.encoder = torch.nn.Linear(3, 3)
     with torch.no_grad():
@@ -107,46 +107,9 @@ def test_e3b_bears_large_features_that_hardly_change():
     assert method.reward(batch).isfinite().all()
 
 
-def test_ngu_gives_nothing_for_what_the_episode_knows():
+def test_ngu_rewards_nothing_that_the_episode_met_before():
     method, batch = some_method(NGU, most=1.5), random_transitions(8)
     method.update(batch)
     still = batch.state.unsqueeze(1).expand(-1, batch.episode_states.shape[1], -1)
     batch = replace(batch, episode_states=still, next_state=batch.state, step=torch.full((8,), 4))
     assert not method.reward(batch).any()
-
-
-MISTAKES = {
-    "e3b counts the state itself": (
-        E3B,
-        "place <= transitions.step.unsqueeze(1)",
-        "place <= transitions.step.unsqueeze(1) + 1",
-    ),
-    "ride does not count the state itself": (
-        RIDE,
-        "transitions.step.unsqueeze(1) + 1",
-        "transitions.step.unsqueeze(1)",
-    ),
-    "ngu looks into the future": (
-        NGU,
-        "place > transitions.step.unsqueeze(1)",
-        "place == transitions.step.unsqueeze(1) + 1",
-    ),
-}
-
-
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_mistakes_fail_the_values(mistake):
-    cls, old, new = MISTAKES[mistake]
-    method, batch = some_method(mutated(cls, old, new)), with_one_predicate(random_transitions(8))
-    method.update(random_transitions(8, seed=1))
-    if cls is NGU:
-        expected = ngu(method, batch, float(method.distances.mean))
-    else:
-        expected = {E3B: e3b, RIDE: ride}[cls](method, batch)
-    assert not np.allclose(method.reward(batch), expected, rtol=0.01)
-
-
-@pytest.mark.parametrize(("cls", "wrong"), [(E3B, "ridge"), (RIDE, "forward_weight"), (NGU, "epsilon")])
-def test_settings_out_of_range_are_refused(cls, wrong):
-    with pytest.raises(ValueError, match=f"{wrong} is 0"):
-        cls.Config(**{wrong: 0.0})

@@ -1,18 +1,18 @@
-"""ICM: values in plain numpy, who trains the encoder, rewards that fall where it has been."""
+"""ICM: values in plain numpy, and which loss trains the encoder."""
 
 import copy
 
 import numpy as np
 import pytest
 import torch
-from curiosity import fresh, mutated, plain, random_transitions, shaken, transitions_of
+from curiosity import fresh, plain, random_transitions, with_random_biases
 
 from curiobench.methods.icm import ICM
 
 
-def some_method(cls: type[ICM] = ICM, **config) -> ICM:
-    method = fresh(cls, features=3, **config)
-    return shaken(method, method.phi.encoder, method.phi.inverse, method.forward)
+def some_method(**config) -> ICM:
+    method = fresh(ICM, features=3, **config)
+    return with_random_biases(method, method.phi.encoder, method.phi.inverse, method.forward)
 
 
 def squared_errors(method: ICM, batch) -> tuple[np.ndarray, np.ndarray]:
@@ -33,12 +33,6 @@ def test_reward_and_losses_in_numpy():
     np.testing.assert_allclose(metrics["icm_inverse_loss"], inverse.mean(), rtol=1e-4)
 
 
-@pytest.mark.parametrize(("old", "new"), [("0.5 * (", "("), (".sum(1)", ".mean(1)")], ids=["no half", "mean, not norm"])
-def test_mistaken_norms_fail_the_values(old, new):
-    method, batch = some_method(mutated(ICM, old, new), eta=0.5), random_transitions(6)
-    assert not np.allclose(method.reward(batch), 0.5 / 2 * squared_errors(method, batch)[0], rtol=0.1)
-
-
 @pytest.mark.parametrize("joint", [True, False])
 def test_forward_loss_trains_the_encoder_only_where_asked(joint):
     """With beta = 1 there is no other loss."""
@@ -50,7 +44,7 @@ def test_forward_loss_trains_the_encoder_only_where_asked(joint):
 
 
 def test_features_shrink_together_where_the_forward_loss_trains_them():
-    """Why that is not the default: on noise, where nothing can be learned, the reward falls all the same."""
+    """Why that is not the default: on noise, where nothing can be learned, the reward falls nevertheless."""
 
     def left(joint: bool) -> float:
         method = fresh(ICM, forward_trains_encoder=joint, beta=0.9, hidden=16)
@@ -61,25 +55,3 @@ def test_features_shrink_together_where_the_forward_loss_trains_them():
         return float(method.reward(seen).mean() / before)
 
     assert left(joint=True) < 0.2 * left(joint=False)
-
-
-def test_reward_falls_on_revisited_transitions_and_less_elsewhere():
-    method, rng = fresh(ICM, hidden=32), np.random.default_rng(0)
-
-    def around(centre: float):
-        state, action = centre + rng.normal(size=(64, 3)), rng.uniform(-1, 1, (64, 2))
-        return transitions_of(state, action, state + 0.5 * np.hstack([action, action[:, :1] ** 2]))
-
-    often, never = around(0), around(4)
-    before = method.reward(often).mean()
-    for _ in range(300):
-        method.update(often)
-    assert method.reward(often).mean() < 0.1 * before
-    assert method.reward(never).mean() > 5 * method.reward(often).mean()
-
-
-def test_settings_out_of_range_are_refused():
-    with pytest.raises(ValueError, match=r"beta is 1\.5"):
-        ICM.Config(beta=1.5)
-    with pytest.raises(ValueError, match="features is 0"):
-        ICM.Config(features=0)

@@ -4,7 +4,6 @@ import itertools
 from collections import Counter
 
 import numpy as np
-import pytest
 from scipy.stats import chisquare
 
 from curiobench.methods.curriculum import Goals
@@ -56,8 +55,3 @@ def test_every_mixed_goal_is_drawn_as_often_as_its_sources_say():
     assert chisquare([counts[key] for key in wanted], [n * share for share in wanted.values()]).pvalue > 1e-3
     assert (1, *ACHIEVED[2][[0]], *PURSUED[1:2], *ACHIEVED[2][2:4], *PURSUED[4:]) in counts  # reached in part
     assert (OneEpisode.arrays["desired_goal"] == PURSUED).all()
-
-
-def test_settings_out_of_range_are_refused():
-    with pytest.raises(ValueError, match="relabel_share is 2"):
-        MultiCriteriaHERConfig(relabel_share=2)

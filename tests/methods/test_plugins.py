@@ -1,4 +1,4 @@
-"""Methods from outside: how a spec finds them, what is said when it does not, and faults while they train."""
+"""Methods from outside: how a spec finds them, errors where it does not, and faults while they train."""
 
 import hashlib
 import sys
@@ -7,8 +7,9 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 import torch
+from agents import random_batch
 from layouts import SMALL
-from test_sac import random_batch, same_state
+from states import same_state
 
 from curiobench.methods import specs
 from curiobench.methods.agents.settings import SACConfig
@@ -125,7 +126,7 @@ CONFIG = "@dataclass(frozen=True)\nclass C:\n    "
         (MINE + f"{CONFIG}k: tuple = ()\nMine.Config = C", "outside:Mine", r"Mine\.Config\.k is a <class 'tuple'>"),
     ],
 )
-def test_what_is_no_method_takes_one_line_that_names_spec_and_file(write, text, spec, message):
+def test_what_is_no_method_is_refused_in_one_line_that_names_spec_and_file(write, text, spec, message):
     write(text)
     with pytest.raises(ValueError, match=message) as refused:
         parse_spec(spec)
@@ -158,64 +159,51 @@ def ones(*shape: int, **options) -> torch.Tensor:
     return torch.ones(shape, **options)
 
 
-@pytest.mark.parametrize("spec", ["rnd", "rnd+hm"])
-@pytest.mark.parametrize(
-    ("name", "function", "message"),
-    [
-        ("reward", lambda *_: ones(8, 1), r"reward\(\) returned .* shape \(8, 1\); expected a tensor of shape \(8,\)"),
-        ("reward", lambda *_: None, r"reward\(\) returned a NoneType; expected a tensor of shape \(8,\)"),
-        ("reward", lambda *_: ones(8).double(), r"reward\(\) returned a torch\.float64 .*; expected torch\.float32"),
-        ("reward", lambda *_: ones(8, requires_grad=True), r"reward\(\) returned a tensor that carries gradients"),
-        ("reward", lambda *_: ones(8) * np.nan, r"reward\(\) returned nan in 8 of 8 transitions"),
-        ("reward", lambda *_: 1 / (1 - ones(8)), r"reward\(\) returned inf in 8 of 8 transitions"),
-        ("reward", lambda *_: {}["a"], r"reward\(\) raised KeyError: 'a'"),
-        ("update", lambda *_: {}["a"], r"update\(\) raised KeyError: 'a'"),
-        (
-            "update",
-            lambda *_: {"rnd_loss": ones() * np.nan},
-            r"update\(\) returned rnd_loss = nan; expected a finite number",
-        ),
-        ("update", lambda *_: {"rnd_loss": 1.0}, r"update\(\) returned rnd_loss = a float; expected a scalar tensor"),
-        (
-            "update",
-            lambda *_: {"rnd_loss": ones(requires_grad=True)},
-            r"update\(\) returned rnd_loss = .* carries gradients; ",
-        ),
-        ("update", lambda *_: None, r"update\(\) returned a NoneType; expected a dict of metrics"),
-        ("update", lambda *_: {0: ones()}, r"update\(\) returned a metric named 0; expected a letter"),
-        ("update", lambda *_: {"run": ones()}, r"update\(\) returned the metric run, which is the agent's own"),
-        (
-            "update",
-            lambda *_: {"a,b": ones()},
-            r"update\(\) returned a metric named 'a,b'; expected a letter",
-        ),
-        ("update", lambda *_: {"": ones()}, r"update\(\) returned a metric named ''; expected a letter"),
-        ("update", lambda *_: {"a\nb": ones()}, r"update\(\) returned a metric named 'a\\nb'; expected a letter"),
-        ("update", lambda *_: {"q": ones()}, r"update\(\) returned the metric q, which is the agent's own; .* my_q"),
-        ("update", lambda *_: {}, r"update\(\) returned no metric rnd_loss, unlike the update before"),
-        (
-            "update",
-            lambda *_: {"rnd_loss": ones(), "seen": ones()},
-            r"update\(\) returned a metric seen, unlike the update before; expected the same each time",
-        ),
-        ("update", lambda *_: sys.exit("bye"), r"update\(\) raised SystemExit: bye"),
-        ("policy_loss_term", lambda *_: ones(8, 1), r"policy_loss_term\(\) returned .*; expected .* of shape \(8,\)"),
-        (
-            "policy_loss_term",
-            lambda *_: ones(8).double(),
-            r"policy_loss_term\(\) returned .*; expected .*float32",
-        ),
-        ("policy_loss_term", lambda *_: ones(8) * np.nan, r"policy_loss_term\(\) returned nan in 8 of 8 transitions"),
-        ("policy_loss_term", lambda *_: {}["a"], r"policy_loss_term\(\) raised KeyError: 'a'"),
+OWN = "which is the agent's own"
+FAULTS = {
+    "reward": [
+        (lambda *_: ones(8, 1), r"returned .* shape \(8, 1\); expected a tensor of shape \(8,\)"),
+        (lambda *_: None, r"returned a NoneType; expected a tensor of shape \(8,\)"),
+        (lambda *_: ones(8).double(), r"returned a torch\.float64 .*; expected torch\.float32"),
+        (lambda *_: ones(8, requires_grad=True), r"returned a tensor that carries gradients"),
+        (lambda *_: ones(8) * np.nan, r"returned nan in 8 of 8 transitions"),
+        (lambda *_: {}["a"], r"raised KeyError: 'a'"),
     ],
+    "update": [
+        (lambda *_: {}["a"], r"raised KeyError: 'a'"),
+        (lambda *_: sys.exit("bye"), r"raised SystemExit: bye"),
+        (lambda *_: None, r"returned a NoneType; expected a dict of metrics"),
+        (lambda *_: {"rnd_loss": ones() * np.nan}, r"returned rnd_loss = nan; expected a finite number"),
+        (lambda *_: {"rnd_loss": 1.0}, r"returned rnd_loss = a float; expected a scalar tensor"),
+        (lambda *_: {"rnd_loss": ones(requires_grad=True)}, r"returned rnd_loss = .* carries gradients; "),
+        (lambda *_: {0: ones()}, r"returned a metric named 0; expected a letter"),
+        (lambda *_: {"a,b": ones()}, r"returned a metric named 'a,b'; expected a letter"),
+        (lambda *_: {"a\nb": ones()}, r"returned a metric named 'a\\nb'; expected a letter"),
+        (lambda *_: {"run": ones()}, rf"returned the metric run, {OWN}"),
+        (lambda *_: {"q": ones()}, rf"returned the metric q, {OWN}; .* my_q"),
+        (lambda *_: {}, r"returned no metric rnd_loss, unlike the update before"),
+        (lambda *_: {"rnd_loss": ones(), "seen": ones()}, r"returned a metric seen, unlike the update before"),
+    ],
+    "policy_loss_term": [
+        (lambda *_: ones(8, 1), r"returned .*; expected .* of shape \(8,\)"),
+        (lambda *_: ones(8).double(), r"returned .*; expected .*float32"),
+        (lambda *_: ones(8) * np.nan, r"returned nan in 8 of 8 transitions"),
+        (lambda *_: {}["a"], r"raised KeyError: 'a'"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "function", "message"), [(name, *fault) for name, faults in FAULTS.items() for fault in faults]
 )
-def test_a_fault_in_training_names_method_file_and_update_and_spares_the_agent(spec, name, function, message):
-    agent = make_agent(spec, SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
+def test_a_fault_in_training_names_method_file_and_update_and_spares_the_agent(name, function, message):
+    agent = make_agent("rnd", SMALL, SACConfig(hidden=8), torch.Generator().manual_seed(0))
     batch = random_batch(SMALL, 8, np.random.default_rng(0))
     agent.update(batch)
     agent.learner.curiosity.method = faulty(name, function)
     before = agent.state_dict()
-    with pytest.raises(MethodError, match=rf"method test_plugins:Faulty in .*test_plugins\.py, update 1: {message}"):
+    where = rf"method test_plugins:Faulty in .*test_plugins\.py, update 1: {name}\(\) "
+    with pytest.raises(MethodError, match=where + message):
         agent.update(batch)
     after = agent.state_dict()
     assert all(same_state(after[part], before[part]) for part in ("actor", "critics", "target_critics", "optimiser"))

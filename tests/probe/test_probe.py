@@ -1,4 +1,4 @@
-"""Probes: what steps count as lifting and falling, what is read, what is written, and that nothing changes."""
+"""Probes: which steps are lifting and falling, scores, files, and that runs stay as they are."""
 
 import csv
 import re
@@ -10,7 +10,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 import torch
-from tiny_runs import TINY, same_state
+from states import same_state
+from tiny_runs import TINY
 
 from curiobench.analysis import style
 from curiobench.config import MachineConfig
@@ -77,13 +78,6 @@ def test_falling_is_a_drop_of_a_centimetre_out_of_the_hand_to_the_ground():
     assert steps(falling(track(down, away))) == [2, 3, 4, 5]
     assert steps(falling(track(down))) == []  # lowered in the hand
     assert steps(lifting(track(down, away))) == []
-
-
-def test_definitions_hold_for_many_episodes_at_once(played):
-    for episodes in played:
-        whole = episodes.track
-        for find in (lifting, falling):
-            np.testing.assert_array_equal(find(whole), [find(whole[n]) for n in range(STARTS)])
 
 
 def test_key_moments_of_made_up_episodes():
@@ -185,7 +179,7 @@ def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeyp
         assert of_dac[0] == pytest.approx(of_dac[1], abs=1e-5)
 
 
-def test_a_method_is_told_the_epoch_that_is_asked_for(runs, played, reference):
+def test_a_method_gets_the_epoch_that_is_asked_for(runs, played, reference):
     (run,), _ = open_runs([runs["mi+hm"]])
     run.agent.learner.curiosity.method.reward = lambda seen: torch.full((len(seen.state),), float(seen.epoch))
     assert np.unique(read(run, played[0], reference).raw) == [run.epoch]
@@ -297,7 +291,7 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
         assert message in err
 
 
-def test_every_method_has_a_look_of_its_own_that_stays():
+def test_every_method_has_its_own_line_style():
     looks = style.line_styles(available_specs())
     mihm = looks.pop("mihm")
     assert len({(look["color"], look["linestyle"]) for look in looks.values()}) == len(looks)

@@ -1,4 +1,4 @@
-"""Commands that stand for all, as a user gives them in a shell."""
+"""Typical commands, as a user gives them in a shell."""
 
 import subprocess
 import sys

@@ -36,26 +36,37 @@ def read_config(path: Path) -> dict[str, Any]:
     return json.loads((path / "config.json").read_text())
 
 
+def edit_json(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change what a JSON file holds, in place."""
+    values = json.loads(path.read_text())
+    change(values)
+    path.write_text(json.dumps(values))
+
+
 def edit_versions(path: Path, **values: Any) -> None:
     """Set versions in config.json; None removes one."""
-    record = read_config(path)
-    record["versions"] = {name: v for name, v in (record["versions"] | values).items() if v is not None}
-    (path / "config.json").write_text(json.dumps(record))
+
+    def change(record: dict[str, Any]) -> None:
+        record["versions"] = {name: v for name, v in (record["versions"] | values).items() if v is not None}
+
+    edit_json(path / "config.json", change)
 
 
 def lengthen(path: Path, **versions: Any) -> None:
-    """Let config.json say that the run was made longer, by a copy of its own versions that differs in some."""
-    record = read_config(path)
-    again = {"versions": record["versions"] | versions, "command": ["curiobench", "train", "--resume"]}
-    record["lengthened"] = [*record.get("lengthened", []), again]
-    (path / "config.json").write_text(json.dumps(record))
+    """Let config.json say that the run was lengthened, with its own versions but for some."""
+
+    def change(record: dict[str, Any]) -> None:
+        again = {"versions": record["versions"] | versions, "command": ["curiobench", "train", "--resume"]}
+        record.setdefault("lengthened", []).append(again)
+
+    edit_json(path / "config.json", change)
 
 
 def edit_options(path: Path, part: str = "", **values: Any) -> None:
     """Set options in config.json, those of a part of it such as "sac", if it is named."""
-    record = read_config(path)
-    (record["config"][part] if part else record["config"]).update(values)
-    (path / "config.json").write_text(json.dumps(record))
+    edit_json(
+        path / "config.json", lambda record: (record["config"][part] if part else record["config"]).update(values)
+    )
 
 
 def edit_rows(file: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
@@ -81,10 +92,9 @@ def rewrite(path: Path, episodes: int = 25, steps: int = STEPS, satisfied: dict[
     last = pd.read_csv(path / "evaluations.csv").tail(len(held) + 2)
     layers = last.groupby("layer")["learned"].agg(["sum", "size"])
     by_layer = {str(k): {"learned": int(n), "goals": int(total)} for k, n, total in layers.itertuples()}
-    result = json.loads((path / "result.json").read_text())
-    result |= {"steps": EPOCHS * steps, "updates": EPOCHS * UPDATES, "success": float(last["success"].mean())}
+    result = {"steps": EPOCHS * steps, "updates": EPOCHS * UPDATES, "success": float(last["success"].mean())}
     result |= {"goals_learned": int(last["learned"].sum()), "learned_by_layer": by_layer}
-    (path / "result.json").write_text(json.dumps(result))
+    edit_json(path / "result.json", lambda values: values.update(result))
 
 
 def _whole_episodes(rows: pd.DataFrame, episodes: int, steps: int, held: dict[str, int]) -> pd.DataFrame:

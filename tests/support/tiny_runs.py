@@ -1,9 +1,6 @@
 """A config that trains in about a second, and what two of its runs must agree in."""
 
 from pathlib import Path
-from typing import Any
-
-import torch
 
 from curiobench.config import RunConfig
 from curiobench.methods.agents.settings import SACConfig
@@ -36,17 +33,6 @@ TINY = RunConfig(
     ),
 )
 """Its replay overflows in the third epoch; the agent is the laptop preset's, in small."""
-
-
-def same_state(first: Any, second: Any) -> bool:
-    """Whether two nested states are equal to the bit."""
-    if isinstance(first, torch.Tensor):
-        return torch.equal(first, second)
-    if isinstance(first, dict):
-        return first.keys() == second.keys() and all(same_state(first[k], second[k]) for k in first)
-    if isinstance(first, (list, tuple)):
-        return len(first) == len(second) and all(map(same_state, first, second))
-    return first == second
 
 
 def numbers(path: Path) -> tuple[list[dict[str, str]], str]:

@@ -1,4 +1,4 @@
-"""Many worlds: the composer environment's equal, whatever the number of worlds and threads."""
+"""Batched worlds equal the composer environment, whatever the number of worlds and threads."""
 
 import itertools
 import logging
@@ -74,7 +74,7 @@ def test_a_reset_touches_only_its_worlds():
     np.testing.assert_array_equal(masked.observation[1:], after.observation[1:])
 
 
-def test_state_dict_takes_up_where_it_was_taken():
+def test_a_loaded_state_continues_with_the_same_numbers():
     worlds = BatchedStacking("stack3", 3, seed=0)
     worlds.step(np.full((3, 4), 0.3))
     saved = worlds.state_dict()
@@ -123,7 +123,7 @@ def test_reward_is_compute_reward_on_any_batch():
 
 
 @pytest.mark.parametrize("damage", ["nan", "huge"])
-def test_a_diverged_world_is_reported_and_reset_and_the_others_go_on(caplog, damage):
+def test_a_diverged_world_is_reported_and_reset_and_no_other(caplog, damage):
     worlds = BatchedStacking("stack2", 3, seed=0)
     twin = BatchedStacking("stack2", 3, seed=0)
     worlds._qvel[1, 0] = np.nan if damage == "nan" else 1e12
@@ -159,12 +159,9 @@ def test_long_random_play_never_diverges():
         (lambda w: w.reset(goals=np.zeros(5)), "9 bits"),
         (lambda w: w.reset(goals=np.zeros((3, 9))), r"shape \(2, 9\)"),
         (lambda w: w.reset(goals=np.tile([0, 0, 0, 1, 0, 0, 0, 0, 0], (2, 1))), "no placement"),
-        (lambda w: w.reset(goals=np.full((2, 9), np.nan)), "0 or 1"),
         (lambda w: w.reset(np.array([2])), "2 worlds"),
         (lambda w: BatchedStacking("stack3", 0), "at least one world"),
         (lambda w: BatchedStacking("stack3", 1, n_threads=0), "at least one world and one thread"),
-        (lambda w: BatchedStacking("stack1"), "unknown task"),
-        (lambda w: BatchedStacking(robot="arm"), "unknown robot"),
     ],
 )
 def test_bad_input_is_refused_and_nothing_moves(call, message):

@@ -29,7 +29,7 @@ def test_bit_order_is_the_papers():
 @pytest.mark.parametrize(
     ("bit_string", "name"), [("110011000", "a on c, b on a"), ("111000101", "c on a and b"), ("100100000", "a on b")]
 )
-def test_configurations_that_the_paper_shows(bit_string, name):
+def test_configurations_in_the_paper(bit_string, name):
     """Figure 2's stack of three and pyramid, and a stack of two with the third block far."""
     space = goal_space(3)
     assert space.bit_string(space.parse(name)) == bit_string
@@ -157,7 +157,7 @@ def test_bad_goals_are_refused_in_one_line(goal, message):
     assert "\n" not in str(error.value)
 
 
-def test_unknown_name_points_to_near_ones():
+def test_an_unknown_name_names_near_ones():
     with pytest.raises(ValueError, match="did you mean 'a on b, c apart'"):
         goal_space(3).parse("a onn b, c apart")
 

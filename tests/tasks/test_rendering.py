@@ -1,4 +1,4 @@
-"""Pictures, and machines that can make none."""
+"""Pictures, and machines without OpenGL."""
 
 import os
 import subprocess
@@ -47,7 +47,7 @@ def test_pictures_can_be_collected():
 
 
 @pytest.mark.filterwarnings("ignore:.*human.*")
-def test_a_window_without_pygame_says_so():
+def test_a_window_without_pygame_names_pygame():
     env = gym.make("curiobench/SemanticStack2-v0", render_mode="human", width=32, height=32)
     try:
         import pygame  # noqa: F401
@@ -91,7 +91,7 @@ except ValueError as error:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux draws without a screen")
 @pytest.mark.parametrize("variables", [{}, {"MUJOCO_GL": "EGL"}, {"MUJOCO_GL": "osmesa"}, {"MUJOCO_GL": "nothing"}])
-def test_worlds_step_without_opengl_and_pictures_tell_what_to_install(tmp_path, variables):
+def test_worlds_step_without_opengl_and_pictures_name_what_to_install(tmp_path, variables):
     for name in ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so", "libGL.so.1", "libOpenGL.so.0"):
         (tmp_path / name).touch()  # found first, and no library
     environment = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY")}
@@ -118,7 +118,7 @@ def test_worlds_step_without_opengl_and_pictures_tell_what_to_install(tmp_path, 
         ({"MUJOCO_GL": "egl", "PYOPENGL_PLATFORM": "glx"}, "disabled"),
     ],
 )
-def test_the_users_choice_of_opengl_stands_where_it_can(monkeypatch, variables, chosen):
+def test_the_users_choice_of_opengl_is_kept_where_it_works(monkeypatch, variables, chosen):
     for name in ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():

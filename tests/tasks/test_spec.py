@@ -1,4 +1,4 @@
-"""A registered task decides about its scene, starts, goals, horizon and robots, wherever it is used."""
+"""A registered task sets its scene, starts, goals, horizon and robots wherever it is used."""
 
 import pickle
 import re

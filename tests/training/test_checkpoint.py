@@ -51,18 +51,12 @@ def test_returns_what_was_saved_last(folder):
     assert checkpoint.load(folder / "none", "f") is None
 
 
-def test_keeps_two(folder):
+def test_keeps_two_and_removes_what_a_kill_left_behind(folder):
+    (folder / "checkpoint-1.json").unlink()
     checkpoint.save(folder, "f", AGENT, VALUES)
     assert {path.name for path in folder.iterdir()} == {
         "agent-2.pt", "agent-3.pt", "checkpoint-2.json", "checkpoint-3.json"
     }  # fmt: skip
-
-
-def test_an_agent_file_that_a_kill_left_behind_goes_at_the_next_save(folder):
-    (folder / "checkpoint-1.json").unlink()
-    assert (folder / "agent-1.pt").exists()
-    checkpoint.save(folder, "f", AGENT, VALUES)
-    assert sorted(path.name for path in folder.glob("agent-*.pt")) == ["agent-2.pt", "agent-3.pt"]
 
 
 def test_an_agent_without_its_manifest_does_not_count(folder):
@@ -118,7 +112,7 @@ def truncate_manifest(folder):
         (lambda folder: edit(folder / "checkpoint-2.json", values={"replay": 8}), "expected string"),
     ],
 )
-def test_damage_takes_one_line_and_runs_nothing(folder, damage, message):
+def test_damage_is_named_in_one_line_and_no_code_runs(folder, damage, message):
     damage(folder)
     with pytest.raises(CheckpointError, match=message) as refused:
         checkpoint.load(folder, "f")
@@ -131,19 +125,9 @@ def test_damage_takes_one_line_and_runs_nothing(folder, damage, message):
     assert checkpoint.load(folder, "f")[0]["updates"] == 6
 
 
-def test_a_full_disk_keeps_the_checkpoints_before(folder, monkeypatch):
-    def full(path, values):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(checkpoint, "write_json", full)
-    with pytest.raises(OSError, match="No space"):
-        checkpoint.save(folder, "f", AGENT, VALUES)
-    assert checkpoint.load(folder, "f")[0]["updates"] == 7
-
-
 @pytest.fixture
 def stopped(tmp_path, monkeypatch):
-    """Folder of a run of TINY that stands after its second epoch, at its second checkpoint."""
+    """Folder of a run of TINY that was killed after its second epoch, at its second checkpoint."""
     save, saves = Run._save, 0
 
     def save_and_leave(self):

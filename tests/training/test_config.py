@@ -53,6 +53,9 @@ def altered(path, value):
         (altered("replay", 3), "config replay is 3; expected an object"),
         (altered("replay.satisfied_cap", 2), r"satisfied_cap is 2"),
         (altered("task", "stack9"), "unknown task 'stack9'"),
+        (altered("seed", -1), "seed is -1"),
+        (altered("device", "tpu"), "device is 'tpu'"),
+        (altered("robot", "arm"), "unknown robot 'arm'"),
         ({name: value for name, value in PRESETS["smoke"].to_json().items() if name != "seed"}, "missing .* seed"),
         ([], "expected an object"),
     ],
@@ -71,15 +74,6 @@ def test_refuses_other_versions(version):
 def test_integers_may_stand_for_floats_and_none_for_no_cap():
     assert RunConfig.from_json(altered("sac.tau", 1)).sac.tau == 1
     assert RunConfig.from_json(altered("replay.satisfied_cap", None)).replay.satisfied_cap is None
-
-
-@pytest.mark.parametrize(
-    "change", [{"worlds": -1}, {"seed": -1}, {"batch_size": 0}, {"device": "tpu"}, {"method": "scc"}, {"robot": "arm"}]
-)
-def test_refuses_illegal_values(change):
-    (name,) = change
-    with pytest.raises(ValueError, match=name):
-        replace(PRESETS["smoke"], **change)
 
 
 def test_machine_settings_decide_nothing():

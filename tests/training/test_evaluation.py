@@ -1,8 +1,9 @@
-"""Evaluation: the same starts for everyone, success at the last step, nothing of training touched, goals counted."""
+"""Evaluation: the same starts for every agent, success at the last step, goals counted, training untouched."""
 
 import numpy as np
 import pytest
-from tiny_runs import TINY, same_state
+from states import same_state
+from tiny_runs import TINY
 
 from curiobench import evaluation
 from curiobench.evaluation import (
@@ -18,8 +19,8 @@ from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import goal_space
 
 
-class Noting:
-    """An agent that notes the first observations of each batch of episodes."""
+class Recording:
+    """An agent that keeps the first observations of each batch of episodes."""
 
     def __init__(self, action=0.0):
         self.starts, self.action, self.calls = [], action, 0
@@ -32,8 +33,8 @@ class Noting:
         return np.full((len(observation), 4), self.action, np.float32)
 
 
-def test_everyone_gets_the_same_starts_every_time():
-    evaluator, first, second, other = Evaluator("stack2", "gripper", 2), Noting(), Noting(0.5), Noting()
+def test_every_agent_gets_the_same_starts_every_time():
+    evaluator, first, second, other = Evaluator("stack2", "gripper", 2), Recording(), Recording(0.5), Recording()
     evaluator.evaluate(first)
     evaluator.evaluate(second)
     Evaluator("stack2", "gripper", 2, threads=2).evaluate(other)
@@ -43,7 +44,7 @@ def test_everyone_gets_the_same_starts_every_time():
 
 def test_starts_do_not_depend_on_what_happened_in_the_batch_before(monkeypatch):
     monkeypatch.setattr(evaluation, "MAX_WORLDS", 3)
-    calm, wild = Noting(), Noting()
+    calm, wild = Recording(), Recording()
     Evaluator("stack2", "gripper", 2).evaluate(calm)
     assert len(calm.starts) == 3  # 8 episodes, 3 at a time
     step = BatchedStacking.step
@@ -57,7 +58,7 @@ def test_starts_do_not_depend_on_what_happened_in_the_batch_before(monkeypatch):
     np.testing.assert_array_equal(calm.starts, wild.starts)
 
 
-def test_training_does_not_notice(tmp_path):
+def test_evaluating_changes_nothing_of_training(tmp_path):
     state = TrainingState(TINY, tmp_path)
     evaluator = Evaluator("stack2", "gripper", 1)
     state.collect()
@@ -77,7 +78,7 @@ def test_success_is_read_at_the_last_step_and_a_diverged_episode_has_failed(monk
         return seen, np.full_like(reward, last) if not last else (np.arange(self.n_worlds) < 3).astype(np.float32)
 
     monkeypatch.setattr(BatchedStacking, "step", scripted)
-    outcome = Evaluator("stack2", "gripper", 1).evaluate(Noting())
+    outcome = Evaluator("stack2", "gripper", 1).evaluate(Recording())
     np.testing.assert_array_equal(outcome.success[:, 0], [True, False, True, False])
 
 

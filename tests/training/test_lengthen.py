@@ -1,4 +1,4 @@
-"""Runs made longer: the rows of one that was as long from the start, whenever it was stopped."""
+"""A run made longer has the rows of one that was as long from the start, whenever it was stopped."""
 
 import shutil
 from dataclasses import replace
@@ -39,8 +39,9 @@ def kept(tmp_path_factory):
     return path
 
 
-def test_a_finished_run_goes_on_as_if_it_had_been_longer_from_the_start(long, short):
-    train(LONGER, short, resume=True, command=["curiobench", "train", "--epochs", "6"])
+def test_a_finished_run_continues_as_if_it_had_been_longer_from_the_start(cli, long, short):
+    code, _, err = cli("train", "--out", short, "--resume", "--epochs", 6)
+    assert (code, err) == (0, "")
     assert numbers(short) == numbers(long)
     assert read_json(short / "result.json")["epochs"] == 6
     assert load_agent(short)[0] == read_config(short) == LONGER
@@ -49,16 +50,10 @@ def test_a_finished_run_goes_on_as_if_it_had_been_longer_from_the_start(long, sh
     (lengthened,) = record["lengthened"]
     assert (lengthened["epochs"], lengthened["command"][-1]) == (3, "6")
     assert lengthened["versions"] == record["versions"]
-
-
-def test_the_command_line_makes_runs_longer(cli, long, short):
-    code, _, err = cli("train", "--out", short, "--resume", "--epochs", 6)
-    assert (code, err) == (0, "")
-    assert numbers(short) == numbers(long)
     assert (short / "checkpoint" / "replay").is_dir()  # the folder's own --machine.keep-replay
 
 
-def test_a_run_that_is_under_way_can_be_made_longer_without_a_kept_replay(long, tmp_path, monkeypatch):
+def test_an_unfinished_run_can_be_extended_without_a_kept_replay(long, tmp_path, monkeypatch):
     config = replace(SHORT, machine=MachineConfig())
     with monkeypatch.context() as patch:
         patch.setattr(RunFolder, "write_result", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
@@ -89,7 +84,7 @@ def test_a_finished_run_whose_checkpoint_is_damaged_keeps_its_result(short):
     assert {path: path.read_bytes() for path in short.glob("*.json")} == before
 
 
-def test_what_cannot_be_made_longer_is_left_alone(finished, short, tmp_path):
+def test_a_run_that_cannot_be_extended_is_left_unchanged(finished, short, tmp_path):
     gone = "its replay deleted; only runs trained with --machine.keep-replay"
     odd = shutil.copytree(finished, tmp_path / "odd")
     with pytest.raises(ValueError, match=gone):

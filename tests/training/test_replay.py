@@ -14,7 +14,7 @@ from curiobench.methods.mi import MI
 from curiobench.methods.re3 import RE3
 from curiobench.methods.reward import Batch, Transitions
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, arrival_kinds, draw_arrivals
+from curiobench.relabelling import KINDS, draw_arrivals
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 
 STEPS, SIZE, ACTIONS = 4, 3, 2
@@ -32,7 +32,7 @@ def replay_of(capacity: int = 8, folder=None, **config) -> EpisodeReplay:
 
 
 def episodes_of(numbers: list[int], finals: list[tuple[int, int]]) -> Episodes:
-    """Episodes whose every number tells where it stands: observation 100 · episode + step. Goal 00 until the end."""
+    """Episodes whose observations are 100 · episode + step, so that each is known. Goal 00 until the end."""
     n, steps = len(numbers), np.arange(STEPS + 1)
     achieved = np.zeros((n, STEPS + 1, 2), np.uint8)
     achieved[:, -1] = finals
@@ -74,24 +74,17 @@ def test_relabelled_rewards_of_a_hand_made_episode():
     assert 0.3 < batch["reward"].mean() < 0.9
 
 
-def test_without_relabelling_the_pursued_goal_stays():
-    replay = replay_of(relabel_share=0.0)
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_relabelled_share(share):
     base = episodes_of([0], [(1, 1)])
-    replay.add(Episodes(base.observation, base.achieved_goal, base.action, np.array([[1, 0]])))
-    batch = replay.sample(50, np.random.default_rng(0))
-    assert (batch["desired_goal"] == [1, 0]).all()
-    assert not batch["reward"].any()
-
-
-def test_relabelled_share():
-    base = episodes_of([0], [(1, 1)])
-    replay = replay_of(relabel_share=0.8)
+    replay = replay_of(relabel_share=share)
     replay.add(Episodes(base.observation, base.achieved_goal, base.action, np.array([[0, 1]])))  # never achieved
     batch = replay.sample(5000, np.random.default_rng(0))
-    assert abs((batch["desired_goal"] != [0, 1]).any(1).mean() - 0.8) < 0.02
+    assert abs((batch["desired_goal"] != [0, 1]).any(1).mean() - share) < 0.02
+    assert batch["reward"].any() == (share > 0)
 
 
-def test_samples_are_whole_transitions_contiguous_and_typed():
+def test_samples_are_contiguous_arrays_of_matching_transitions():
     batch = filled(11).sample(64, np.random.default_rng(0), 64, episodes=True)
     place = batch["observation"][:, 0]
     assert (place // 100 >= 3).all()  # episodes 0 to 2 were overwritten
@@ -191,12 +184,6 @@ def arrivals_by_hand(replay: EpisodeReplay) -> dict[tuple[int, int], list[tuple[
     return found
 
 
-def test_kinds_of_arrivals():
-    before = np.array([[0, 0], [0, 0], [1, 1], [1, 0], [0, 1]])
-    after = np.array([[1, 1], [1, 0], [1, 0], [0, 1], [1, 0]])
-    assert arrival_kinds(before, after, ON_BITS).tolist() == [0, 1, 2, 0, 1]
-
-
 @pytest.mark.parametrize("episodes", [5, 8, 23])
 def test_arrivals_are_drawn_as_defined(episodes):
     """A goal and kind, an arrival of it, an earlier step without that goal: each uniformly, by a chi-square."""
@@ -252,11 +239,6 @@ def test_half_a_batch_comes_from_arrivals_and_the_cap_is_the_batch_s():
     pursued.add(random_episodes(np.random.default_rng(0), 8))
     batch = pursued.sample(1000, np.random.default_rng(0))
     assert 0.05 < (batch["achieved_goal"] == batch["desired_goal"]).all(1).mean() <= 0.2
-
-
-def test_same_generator_same_samples():
-    first, second = filled(11, satisfied_cap=0.3), filled(11, satisfied_cap=0.3)
-    assert same(first.sample(40, np.random.default_rng(3)), second.sample(40, np.random.default_rng(3)))
 
 
 def test_memory_mapped_replay_is_the_same(tmp_path):

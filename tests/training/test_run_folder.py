@@ -33,15 +33,6 @@ def test_keeps_config_command_and_what_else_decides_numbers(tmp_path, monkeypatc
     assert record["versions"]["environment"] == "ATEN_CPU_CAPABILITY=default NUMBA_OPT=2"
 
 
-def test_is_used_by_one_process_at_a_time(tmp_path):
-    with (
-        RunFolder(tmp_path, TINY, resume=False),
-        pytest.raises(ValueError, match=f"already running, in process {os.getpid()}"),
-    ):
-        RunFolder(tmp_path, TINY, resume=True)
-    RunFolder(tmp_path, TINY, resume=True).close()
-
-
 def test_a_grid_that_looks_does_not_keep_a_run_from_starting(tmp_path):
     RunFolder(tmp_path, TINY, resume=False).close()
     with open(tmp_path / ".lock") as file:
@@ -50,7 +41,7 @@ def test_a_grid_that_looks_does_not_keep_a_run_from_starting(tmp_path):
         RunFolder(tmp_path, TINY, resume=True).close()
 
 
-def test_a_killed_process_leaves_no_lock(tmp_path):
+def test_is_used_by_one_process_at_a_time_until_that_is_killed(tmp_path):
     program = (
         "import sys, time; sys.path.insert(0, sys.argv[2]); from pathlib import Path; from tiny_runs import TINY;"
         "from curiobench.run_folder import RunFolder; f = RunFolder(Path(sys.argv[1]), TINY, False);"
@@ -65,7 +56,7 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
     RunFolder(tmp_path, TINY, resume=True).close()
 
 
-def test_says_what_is_there_already(finished, tmp_path):
+def test_what_is_there_already_is_named(finished, tmp_path):
     RunFolder(tmp_path, TINY, resume=False).close()
     with pytest.raises(ValueError, match="exists; use --resume"):
         RunFolder(tmp_path, TINY, resume=False)
@@ -76,19 +67,17 @@ def test_says_what_is_there_already(finished, tmp_path):
             RunFolder(finished, TINY, resume)
 
 
-def test_touches_nothing_foreign(tmp_path):
-    (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(ValueError, match=r"no run folder: it holds 'thesis.tex'"):
-        RunFolder(tmp_path, TINY, resume=True)
-    with pytest.raises(ValueError, match=r"cannot write to .*thesis.tex/run"):
-        RunFolder(tmp_path / "thesis.tex" / "run", TINY, resume=False)
-
-
 def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path):
     (tmp_path / ".lock").touch()
     (tmp_path / "config.json.partial").write_text("{")
     RunFolder(tmp_path, TINY, resume=False).close()
     assert read_config(tmp_path) == TINY
+
+
+def test_a_place_that_is_no_folder(tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(ValueError, match=r"cannot write to .*thesis.tex/run"):
+        RunFolder(tmp_path / "thesis.tex" / "run", TINY, resume=False)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

@@ -1,39 +1,19 @@
-"""SAC in worlds whose solution is known: the exact value of two states, and a goal on a line."""
+"""SAC in worlds with a known solution: the exact value of two states, and a goal on a line."""
 
 from dataclasses import MISSING, fields
 
 import numpy as np
 import torch
+from agents import sac_of, two_state_batch
 from layouts import SMALL
-from test_sac import agent_of
 
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.reward import Batch
 
 
-def two_state_batch(size: int = 256) -> Batch:
-    """State A leads to B with reward 0, B to A with reward 1, whatever the action, of which many are at the bounds."""
-    at_b = np.arange(size) % 2 == 1
-    observation = np.zeros((size, SMALL.observation_size), np.float32)
-    observation[:, 0] = np.where(at_b, 1.0, -1.0)
-    bits = np.zeros((size, SMALL.goal_size), np.uint8)
-    action = np.random.default_rng(0).uniform(-2, 2, (size, 2)).clip(-1, 1).astype(np.float32)
-    return Batch.from_numpy(
-        dict(
-            observation=observation,
-            action=action,
-            next_observation=-observation,
-            achieved_goal=bits,
-            next_achieved_goal=bits,
-            desired_goal=bits,
-            reward=at_b.astype(np.float32),
-        )
-    )
-
-
 def test_critic_recovers_the_exact_value_of_a_two_state_world():
     gamma, batch = 0.5, two_state_batch()
-    agent = agent_of(gamma=gamma, temperature=1e-6, learning_rate=3e-3, polyak=0.2, layer_norm=False)
+    agent = sac_of(gamma=gamma, temperature=1e-6, learning_rate=3e-3, polyak=0.2, layer_norm=False)
     for step in range(800):
         agent.learner.optimiser.param_groups[0]["lr"] = 3e-3 * (1 - step / 800)  # to nothing, so that the values settle
         agent.update(batch)
@@ -85,7 +65,7 @@ def run_episode(agent: SAC, rng: np.random.Generator, deterministic: bool) -> tu
 
 def test_sac_solves_a_goal_reaching_task():
     rng = np.random.default_rng(0)
-    agent, memory = agent_of(gamma=0.9, temperature=0.05, hidden=32, learning_rate=3e-3), []
+    agent, memory = sac_of(gamma=0.9, temperature=0.05, hidden=32, learning_rate=3e-3), []
     before = np.mean([run_episode(agent, rng, deterministic=True)[1] for _ in range(5)])
     for _ in range(40):
         memory += run_episode(agent, rng, deterministic=False)[0]

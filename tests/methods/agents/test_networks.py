@@ -45,7 +45,7 @@ def plain_attention(net: PairAttention, contexts: torch.Tensor, pairs: torch.Ten
 
 
 def plain_deep_sets(net: DeepSets, contexts: torch.Tensor, pairs: torch.Tensor) -> torch.Tensor:
-    """`DeepSets` written down as its definition: one member, one context and one pair at a time, by autograd."""
+    """`DeepSets` by its definition: one member, one context and one pair at a time, by autograd."""
     outputs = []
     for member in range(len(net.hidden_weights)):
         w_context, w_pair, b_1, w_3, b_3, w_2, b_2 = net.hidden_weights[member].split(net.rows)
@@ -183,10 +183,10 @@ def test_layouts_that_miss_or_repeat_a_name_are_refused():
         PairLayout(3, ((0, 1, 0, 1, 2),))
     with pytest.raises(ValueError, match="goal bits"):
         PairLayout(2, ((0, 1, 0, 1, 1),))
-    with pytest.raises(ValueError, match="there are 2 columns"):
-        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, body_details=())
-    with pytest.raises(ValueError, match="'ordered'"):
-        SACConfig(pairs="ordered")
+    with pytest.raises(ValueError, match="there are 6 columns"):
+        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=6, body_details=())
+    with pytest.raises(ValueError, match="block_size is 5"):  # near-field features would be read out of bounds
+        PairLayout(2, ((0, 1, 0, 1, 2),), block_size=5, block_details=())
 
 
 def test_encoder_statistics_are_shared_and_explicit():

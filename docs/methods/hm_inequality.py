@@ -2,7 +2,7 @@
 
 The paper concludes V_hybrid >= V_c and V_hybrid >= V_d for a hybrid that follows, in each state, the policy with the
 larger value. V_c counts r_c = r_ext + tau · n(r_int), V_d counts r_ext. So "the value of the hybrid" has to say which
-reward it counts, and the paper does not. What holds and what does not:
+reward it counts, and the paper does not. `pytest` on this file shows what holds and what does not:
 
 - Counting in each state the reward of the policy that acts there, both inequalities hold. That is Eqs. 16 to 18.
 - Where both values count one reward, they hold as well (policy improvement).

@@ -1,7 +1,4 @@
-"""What the tests of curiosity methods share: transitions, fresh methods, plain numpy networks, mistaken copies."""
-
-import inspect
-import sys
+"""Small curiosity methods, transitions for them, and their networks in plain numpy."""
 
 import numpy as np
 import torch
@@ -13,7 +10,7 @@ STATE, ACTION, GOAL = 3, 2, 4
 STEPS = 5
 """Length of episodes."""
 PARTICLES = 12
-"""States that a method is shown beside a batch."""
+"""States among which a method looks for neighbours."""
 
 
 def transitions_of(state, action, next_state, epoch: int = 0, policy: PolicyView | None = None) -> Transitions:
@@ -23,7 +20,7 @@ def transitions_of(state, action, next_state, epoch: int = 0, policy: PolicyView
 
 
 def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transitions:
-    """Noise, with a view of a policy."""
+    """Noise, with a random policy."""
     rng = np.random.default_rng(seed)
 
     def normal(*shape: int) -> torch.Tensor:
@@ -64,8 +61,8 @@ def fresh(method: type[IntrinsicReward], seed: int = 0, sizes: tuple[int, int] =
     return method(*sizes, method.Config(**config), torch.Generator().manual_seed(seed), **goals)
 
 
-def shaken(method: IntrinsicReward, *networks: torch.nn.Module) -> IntrinsicReward:
-    """The method, its networks' biases (zero at first) set to something."""
+def with_random_biases(method: IntrinsicReward, *networks: torch.nn.Module) -> IntrinsicReward:
+    """The method, with random biases in these networks, which start at zero."""
     generator = torch.Generator().manual_seed(9)
     for network in networks:
         for layer in network[::2]:
@@ -74,18 +71,9 @@ def shaken(method: IntrinsicReward, *networks: torch.nn.Module) -> IntrinsicRewa
 
 
 def plain(network: torch.nn.Sequential, inputs: np.ndarray) -> np.ndarray:
-    """What a perceptron computes, in numpy and float64."""
+    """Outputs of a perceptron, computed in numpy and float64."""
     layers = [(layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy()) for layer in network[::2]]
     for weight, bias in layers[:-1]:
         inputs = np.maximum(inputs @ weight.T + bias, 0)
     weight, bias = layers[-1]
     return inputs @ weight.T + bias
-
-
-def mutated(thing, old: str, new: str):
-    """A copy of a class or function with one expression of its source replaced: how a mistake would look."""
-    source = inspect.getsource(thing)
-    assert source.count(old) == 1
-    namespace = dict(vars(sys.modules[thing.__module__]))
-    exec(source.replace(old, new), namespace)
-    return namespace[thing.__name__]

@@ -1,11 +1,11 @@
-"""Layouts for tests that need no task."""
+"""Layouts of observations and goals that need no task."""
 
 from itertools import combinations
 
 from curiobench.methods.agents.pairs import PairLayout
 
 SMALL = PairLayout(
-    2, ((0, 1, 0, 1, 2),), body_size=3, block_size=2, action_size=2, body_details=(0,), block_details=(1,)
+    2, ((0, 1, 0, 1, 2),), body_size=3, block_size=6, action_size=2, body_details=(0,), block_details=(1,)
 )
 """Two tiny blocks."""
 
