@@ -7,7 +7,7 @@ import sys
 import time
 
 import pytest
-from fake_grid import FAKE, SLURM, make_cells, rows, start, tell_fakes, undisturbed
+from fake_grid import FAKE, SLURM, make_cells, rows, set_up_fakes, start, undisturbed
 
 from curiobench.cli.arguments import GridArguments, parse
 from curiobench.errors import StopRequest
@@ -34,7 +34,7 @@ def cluster(tmp_path, monkeypatch):
 
 def paced(tmp_path, pace=0.1, **behaviour):
     cells = make_cells(tmp_path / "grid", "--methods", "sac", "--seeds", "2", "--options", "epochs=30")
-    tell_fakes(cells, **{f"stack2_sac_{seed}": {"pace": pace, **behaviour} for seed in range(2)})
+    set_up_fakes(cells, **{f"stack2_sac_{seed}": {"pace": pace, **behaviour} for seed in range(2)})
     cells[0].out.mkdir(exist_ok=True)
     return cells
 

@@ -6,7 +6,8 @@ import time
 from dataclasses import replace
 
 import pytest
-from tiny_runs import TINY, numbers, same_state
+from states import same_state
+from tiny_runs import TINY, numbers
 
 from curiobench import checkpoint, trackers
 from curiobench.config import MachineConfig, RunConfig
