@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 
 CHROMIUM ?= chromium
 
-.PHONY: setup quickstart check test test-slow benchmark fidelity presets goal-pictures report-picture types lint format clean
+.PHONY: setup quickstart check test test-slow benchmark fidelity presets goal-pictures report-picture docs types lint format clean
 
 setup: $(INSTALLED)
 
@@ -47,6 +47,11 @@ report-picture: $(INSTALLED)   ## photographs the top of the report on results/v
 	$(CHROMIUM) --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
 		--user-data-dir=$$(mktemp -d) --window-size=1280,1500 --screenshot=docs/images/report.png \
 		file://$(CURDIR)/results/v1/report.html
+
+docs: $(INSTALLED)   ## builds the site from the README, docs/ and the docstrings into build/docs
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(RUN) -m sphinx --quiet --fresh-env --fail-on-warning --keep-going -c docs . build/docs
+	cp build/docs/README.html build/docs/index.html
 
 types: $(INSTALLED)   ## mypy on methods/ and tasks/
 	mkdir -p build/types/curiobench

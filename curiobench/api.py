@@ -77,7 +77,7 @@ class Run:
     path: Path
     """The folder."""
     method: str | None = None
-    """The run's method where it is one from outside: naming it allows importing it."""
+    """The run's method where it is one from outside; naming it allows importing it."""
 
     @property
     def config(self) -> RunConfig:

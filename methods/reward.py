@@ -1,6 +1,6 @@
 """What a curiosity method is: a reward for a batch of transitions, and one gradient step on its own networks.
 
-A method does not know which agent uses it, and the agent does not know which method it has. An agent does, per batch:
+A method does not know which agent uses it, and the agent does not know which method it has. An agent does, per batch::
 
     transitions = Transitions(normalised states, actions, normalised next states, epoch, ...)
     r_int = method.reward(transitions)          # before the method learns from this very batch
@@ -62,7 +62,7 @@ class PolicyView:
     """What the agent's policy does in a batch's states, for a method with `uses_policy`. Carries no gradients."""
 
     desired_goal: Tensor
-    """(B, bits) that the policy pursues: the batch's, relabelled or not."""
+    """(B, bits) that the policy pursues, the batch's, relabelled or not."""
     action: Tensor
     """(B, A) drawn from pi(. | s, g)."""
     log_prob: Tensor
@@ -148,7 +148,7 @@ class IntrinsicReward(ABC):
 
     Config: type
     uses_policy: ClassVar[bool] = False
-    """Ask the agent for a `PolicyView`. Its reward may then change with the goal: DAC needs that, a method that scores
+    """Ask the agent for a `PolicyView`. Its reward may then change with the goal; DAC needs that, a method that scores
     states must not."""
 
     sees: Sees = "full"
