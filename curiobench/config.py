@@ -61,9 +61,9 @@ class MachineConfig:
     keep_replay: bool = False
     """Keep the checkpoint's replay when the run is finished, so that it can be made longer, or probed among its own
     transitions."""
-    track: str = ""
+    track: str | None = None
     """Trackers that get the rows of progress.csv, comma-separated: tensorboard, wandb, mlflow (each needs the extra of
-    its name). Empty for none."""
+    its name)."""
 
     def __post_init__(self) -> None:
         _check_at_least(self, 1, "threads", "checkpoint_every")
@@ -73,7 +73,7 @@ class MachineConfig:
     @property
     def trackers(self) -> tuple[str, ...]:
         """Names in `track`."""
-        return tuple(dict.fromkeys(name.strip() for name in self.track.split(",") if name.strip()))
+        return tuple(dict.fromkeys(name.strip() for name in (self.track or "").split(",") if name.strip()))
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def with_track(values: Any) -> Any:
     if not isinstance(machine, dict) or not isinstance(machine.get("tensorboard"), bool):
         return values
     kept = {name: value for name, value in machine.items() if name != "tensorboard"}
-    return values | {"machine": {"track": "tensorboard" if machine["tensorboard"] else ""} | kept}
+    return values | {"machine": {"track": "tensorboard" if machine["tensorboard"] else None} | kept}
 
 
 def build(cls: type, values: Any, path: str = "") -> Any:

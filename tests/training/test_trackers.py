@@ -40,7 +40,7 @@ def train_in_two_parts(config, folder):
 @pytest.fixture(scope="module")
 def untracked(tmp_path_factory):
     folder = tmp_path_factory.mktemp("untracked") / "run"
-    train_in_two_parts(tracked(""), folder)
+    train_in_two_parts(tracked(None), folder)
     return folder
 
 
@@ -160,7 +160,7 @@ def test_without_the_extra_no_run_is_begun(tmp_path, monkeypatch):
         tracked("mlflow,wandd")
 
 
-@pytest.mark.parametrize(("before", "now"), [(True, "tensorboard"), (False, "")])
+@pytest.mark.parametrize(("before", "now"), [(True, "tensorboard"), (False, None)])
 def test_configs_of_before_there_were_other_trackers_are_read(before, now):
     older = TINY.to_json()
     older["machine"] = {"tensorboard": before} | {k: v for k, v in older["machine"].items() if k != "track"}
