@@ -16,7 +16,7 @@ import tyro
 from curiobench.curriculum import CurriculumName
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.checks import check_option
-from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings
+from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings, with_track
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
 
@@ -31,6 +31,9 @@ PAPER_EPOCHS = 500
 
 LARGEST_SEED = (1 << 31) - 1
 """Tables hold seeds and epochs as 32-bit numbers."""
+
+TRACKER_NAMES = ("tensorboard", "wandb", "mlflow")
+"""Names of the trackers; `curiobench.trackers` has them."""
 
 PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 """Names of the presets; `curiobench.presets` has their configs."""
@@ -58,11 +61,19 @@ class MachineConfig:
     keep_replay: bool = False
     """Keep the checkpoint's replay when the run is finished, so that it can be made longer, or probed among its own
     transitions."""
-    tensorboard: bool = False
-    """Log progress to `tensorboard/` in the run folder, too (needs the extra `tensorboard`)."""
+    track: str | None = None
+    """Trackers that get the rows of progress.csv, comma-separated: tensorboard, wandb, mlflow (each needs the extra of
+    its name)."""
 
     def __post_init__(self) -> None:
         _check_at_least(self, 1, "threads", "checkpoint_every")
+        for name in self.trackers:
+            check_name("tracker", name, TRACKER_NAMES)
+
+    @property
+    def trackers(self) -> tuple[str, ...]:
+        """Names in `track`."""
+        return tuple(dict.fromkeys(name.strip() for name in (self.track or "").split(",") if name.strip()))
 
 
 @dataclass(frozen=True)
@@ -180,7 +191,7 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = build(cls, values)
+        config = build(cls, with_track(values))
         if settings is None:
             return config
         return replace(config, method_config=_settings(config.method, with_later_settings(config.method, settings)))

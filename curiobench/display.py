@@ -1,4 +1,4 @@
-"""What a run shows: lines on the terminal, TensorBoard logs and the learning curve. None of it changes the run."""
+"""What a run shows: lines on the terminal, and rows for trackers. None of it changes the run."""
 
 import sys
 from collections.abc import Sequence
@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-if TYPE_CHECKING:
-    from torch.utils.tensorboard import SummaryWriter
+from curiobench.trackers import Trackers
 
+if TYPE_CHECKING:
     from curiobench.config import RunConfig
     from curiobench.evaluation import Layers
     from curiobench.state import Counters
@@ -36,10 +36,7 @@ class _Terminal(Console):
 
 
 class Display:
-    """Shows the progress of a run: one line per epoch, live lines on a terminal, and a TensorBoard log if asked for.
-
-    Where one of them fails, the run goes on without it.
-    """
+    """Shows the progress of a run: one line per epoch, live lines on a terminal, and what trackers make of its rows."""
 
     def __init__(self, config: "RunConfig", folder: Path, first_epoch: int) -> None:
         """
@@ -49,7 +46,6 @@ class Display:
             first_epoch: the first that is to come.
         """
         self._config = config
-        self._log = _tensorboard(folder / "tensorboard", first_epoch) if config.machine.tensorboard else None
         self._console = _Terminal()
         terminal = sys.stdout.isatty()
         self._live = Live(console=self._console, refresh_per_second=4, transient=True) if terminal else None
@@ -57,6 +53,7 @@ class Display:
             self._live.start()
         self._learned = "-"
         self._rates = ""
+        self._trackers = Trackers(config, folder, first_epoch, self.note)
 
     def evaluation(self, layers: "Layers") -> None:
         """Called with the learned goals of every evaluation."""
@@ -81,29 +78,17 @@ class Display:
             f"  success {'-' if row['success'] is None else format(row['success'], '.2f')}"
             f"  in training {'-' if rate is None else format(rate, '.2f')}  {self._rates}"
         )
-        try:
-            self._write_log(row)
-        except Exception as error:  # a full disk, or whatever TensorBoard does
-            self._log = None
-            self.note(f"no TensorBoard log any more: {error}")
-
-    def _write_log(self, row: dict[str, Any]) -> None:
-        if self._log:
-            for name, value in row.items():
-                if value is not None and name != "epoch":
-                    self._log.add_scalar(name, value, row["epoch"])
-            self._log.flush()
+        self._trackers.log(row)
 
     def note(self, text: str) -> None:
         """Print a line above the live ones."""
         self._console.print(text, markup=False)
 
     def close(self) -> None:
-        """Remove the live lines and close the log."""
+        """Remove the live lines and close the trackers."""
         if self._live:
             self._live.stop()
-        if self._log:
-            self._log.close()
+        self._trackers.close()
 
 
 def duration(seconds: float | None) -> str:
@@ -124,18 +109,3 @@ def align(lines: Sequence[Sequence[str]], left: int) -> str:
         )
         for line in lines
     )
-
-
-def check_tensorboard() -> None:
-    """Raises ValueError where the extra `tensorboard` is missing."""
-    try:
-        import torch.utils.tensorboard  # noqa: F401
-    except ImportError:
-        raise ValueError("--machine.tensorboard needs the extra: pip install 'curiobench[tensorboard]'") from None
-
-
-def _tensorboard(folder: Path, first_epoch: int) -> "SummaryWriter":
-    """A log in a folder, which is created; rows from `first_epoch` on that a killed run left there are hidden."""
-    from torch.utils.tensorboard import SummaryWriter  # seconds to import
-
-    return SummaryWriter(str(folder), purge_step=first_epoch)

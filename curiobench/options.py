@@ -47,6 +47,15 @@ def with_later_settings(method: Any, settings: Any) -> Any:
     return settings
 
 
+def with_track(values: Any) -> Any:
+    """Plain options of a run, with `machine.track` where an older one says whether it logged for TensorBoard."""
+    machine = values.get("machine") if isinstance(values, dict) else None
+    if not isinstance(machine, dict) or not isinstance(machine.get("tensorboard"), bool):
+        return values
+    kept = {name: value for name, value in machine.items() if name != "tensorboard"}
+    return values | {"machine": {"track": "tensorboard" if machine["tensorboard"] else None} | kept}
+
+
 def build(cls: type, values: Any, path: str = "") -> Any:
     """An instance of a dataclass from plain values that name each of its fields once.
 

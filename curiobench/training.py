@@ -10,7 +10,7 @@ from curiobench import checkpoint
 from curiobench.analysis.canvas import draw_learning_curve
 from curiobench.build import check_device
 from curiobench.config import RunConfig
-from curiobench.display import Display, check_tensorboard
+from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.files import utf8
@@ -18,6 +18,7 @@ from curiobench.methods.guard import MethodError
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
 from curiobench.state import TrainingState, progress_row, result
+from curiobench.trackers import check_installed
 from curiobench.versions import versions
 
 
@@ -37,8 +38,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         Interrupted: on Ctrl-C or SIGTERM.
     """
     check_device(config.device)
-    if config.machine.tensorboard:
-        check_tensorboard()
+    check_installed(config.machine.trackers)
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
         try:

@@ -90,3 +90,17 @@ def test_examples_train(example, arguments, shown, tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert shown in done.stdout
+
+
+@pytest.mark.slow
+def test_the_tuning_example_goes_on(tmp_path):
+    optuna = pytest.importorskip("optuna")
+    file, small = ROOT / "examples" / "tune.py", "preset=smoke cycles=1 worlds=2 updates=2 episodes-per-goal=1"
+    assert len(file.read_text().splitlines()) <= 45
+    for trials in (2, 1):
+        command = [sys.executable, str(file), "tune", str(trials), *small.split()]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert "3 trials, the best 0." in done.stdout
+    study = optuna.load_study(study_name="icm", storage=f"sqlite:///{tmp_path}/tune/study.db")
+    assert [sorted(trial.intermediate_values) for trial in study.trials] == [[1, 2, 3, 4, 5, 6]] * 3

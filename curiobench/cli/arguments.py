@@ -48,13 +48,17 @@ class GridArguments:
     options: Annotated[str | None, tyro.conf.arg(metavar="A=X,B=Y")] = None
     """Options of `curiobench train` for all cells, such as epochs=12,sac.gamma=0.9; added to the file's."""
     jobs: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Cells at a time, one thread each; by default the physical cores that may be used here, or all of the cluster."""
+    """Cells at a time, one thread each; by default the physical cores that may be used here, all of a Ray cluster, or
+    100 jobs of SLURM, queued ones counted."""
     retries: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """How often a broken cell is tried again, after the others."""
-    launcher: Literal["local", "ray"] = "local"
-    """Where cells run: processes of this machine, or tasks of a Ray cluster (needs the extra `ray`)."""
+    launcher: Literal["local", "ray", "slurm"] = "local"
+    """Where cells run: processes of this machine, tasks of a Ray cluster, or jobs of SLURM (the last two need the extra
+    of that name)."""
     address: Annotated[str | None, tyro.conf.arg(metavar="HOST:PORT")] = None
     """Ray cluster that is up, or auto to find it; without it one starts on this machine and ends with the grid."""
+    slurm: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
+    """Option of sbatch for every cell's job, such as time=240 (needed), partition=cpu, mem=4G; once for each."""
     dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show every cell, its state and its command, and start nothing."""
 

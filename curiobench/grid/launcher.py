@@ -5,6 +5,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Protocol
@@ -19,6 +20,9 @@ ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 } | {"PYTHONUNBUFFERED": "1"}
 """Environment of a cell: libraries otherwise start a thread a core in every one of them."""
+
+_POLL_SECONDS = 0.2
+"""Between two looks of a worker at its training process."""
 
 _TETHER = Path(__file__).with_name("tether.py")
 
@@ -128,6 +132,38 @@ class LocalLauncher(Launcher):
 
     def start(self, arguments: Sequence[str], log: Path) -> LocalJob:
         return LocalJob([sys.executable, *self._program, "train", *arguments], log)
+
+
+def train_in_worker(
+    program: Sequence[str], arguments: Sequence[str], log: str, folder: str, signals: Sequence[int] = (signal.SIGINT,)
+) -> int:
+    """Train a cell on a machine of a cluster, from a process that the cluster started.
+
+    Args:
+        program: what that machine's Python runs, before `train` and its arguments.
+        arguments: of `curiobench train`.
+        log: path to append its output to.
+        folder: working folder, used where it exists.
+        signals: by which the cluster asks this process to end. The first is passed on, as SIGINT.
+
+    Returns the exit code of the training process, which gets SIGTERM when this process dies.
+    """
+    command = [sys.executable, *program, "train", *arguments]
+    requests: list[int] = []
+    asked = False
+    # not as an exception, which could lose the process in the midst of being started
+    before = {number: signal.signal(number, lambda number, _: requests.append(number)) for number in signals}
+    try:
+        job = LocalJob(command, Path(log), Path(folder) if os.path.isdir(folder) else None)
+        while (code := job.poll()) is None:
+            if requests and not asked:
+                job.signal(signal.SIGINT)  # a second SIGTERM beside the cluster's own would end it at once
+                asked = True
+            time.sleep(_POLL_SECONDS)
+        return code
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def physical_cores() -> int:

@@ -5,9 +5,7 @@ a task whose worker or machine dies is not repeated by Ray, but found free in it
 """
 
 import os
-import signal
 import socket
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,39 +13,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM, LocalJob, physical_cores
+from curiobench.grid.launcher import LOST, PROGRAM, physical_cores, train_in_worker
 
-_POLL_SECONDS = 0.2
 _RESOURCES_SECONDS = 5.0
 """Between two questions how large the cluster is."""
 _OBJECT_STORE_BYTES = 80_000_000
 """Of a cluster that starts for the grid, which keeps nothing there; Ray's default is a third of the memory."""
-
-
-def train_in_worker(program: Sequence[str], arguments: Sequence[str], log: str, folder: str) -> int:
-    """Train a cell on the machine of a worker.
-
-    Args:
-        program: what that machine's Python runs, before `train` and its arguments.
-        arguments: of `curiobench train`.
-        log: path to append its output to.
-        folder: working folder, used where it exists.
-
-    Returns the exit code of the training process, which gets SIGTERM when the worker dies.
-    """
-    command = [sys.executable, *program, "train", *arguments]
-    cancels: list[int] = []
-    # Ray cancels a task as Ctrl-C does; as an exception it could lose the process in the midst of being started
-    before = signal.signal(signal.SIGINT, lambda number, _: cancels.append(number))
-    try:
-        job = LocalJob(command, Path(log), Path(folder) if os.path.isdir(folder) else None)
-        while (code := job.poll()) is None:
-            while cancels:
-                job.signal(cancels.pop())
-            time.sleep(_POLL_SECONDS)
-        return code
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 class RayJob:

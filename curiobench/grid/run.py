@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest, pasted
@@ -31,13 +32,15 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
             raise ValueError(f"{name} is {value}; it must be at least {least}")
     if arguments.address is not None and arguments.launcher != "ray":
         raise ValueError("--address is of --launcher ray")
+    if arguments.slurm and arguments.launcher != "slurm":
+        raise ValueError("--slurm is of --launcher slurm")
     out = arguments.out if arguments.launcher == "local" else arguments.out.resolve()
     cells = cells_of(define(arguments), out)
     if arguments.dry_run:
         for cell in cells:
             print(f"{cell.folder}: {_state(cell)}\n  {shlex.join(cell.command)}")
         return
-    launcher = _launcher(arguments)
+    launcher = _launcher(arguments, out)
     try:
         write_record(out, cells, command)
         train_cells(cells, launcher, arguments.retries, view())
@@ -70,11 +73,15 @@ def _fault_line(status: Status) -> str:
     return f"{status.cell.folder}: {status.state}: {status.reason}{log}"
 
 
-def _launcher(arguments: GridArguments) -> Launcher:
+def _launcher(arguments: GridArguments, out: Path) -> Launcher:
     if arguments.launcher == "ray":
         from curiobench.grid.ray_launcher import RayLauncher
 
         return RayLauncher(arguments.jobs, arguments.address)
+    if arguments.launcher == "slurm":
+        from curiobench.grid.slurm_launcher import SlurmLauncher
+
+        return SlurmLauncher(arguments.jobs, arguments.slurm, out)
     return LocalLauncher(arguments.jobs or physical_cores())
 
 

@@ -19,6 +19,8 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    # SLURM sends it to all processes of a job whose time is nearly up; the worker turns it into a request to end
+    signal.signal(signal.SIGUSR2, signal.SIG_IGN)
     if sys.platform == "linux":
         if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM) != 0:
             sys.exit(f"cannot tie this process to its parent: {os.strerror(ctypes.get_errno())}")

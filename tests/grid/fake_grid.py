@@ -1,4 +1,4 @@
-"""Grids with `fake_cell.py` as cells: in this process, or as a program `fake_grid.py OUT JOBS [FLAGS…]`."""
+"""Grids with `fake_cell.py` as cells: in this process, or as a program `fake_grid.py OUT JOBS|slurm [FLAGS…]`."""
 
 import json
 import subprocess
@@ -14,10 +14,13 @@ from curiobench.grid.launcher import LocalLauncher
 from curiobench.grid.overview import PlainView, View
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
+from curiobench.grid.slurm_launcher import SlurmLauncher
 from curiobench.grid.status import Status
 from curiobench.run_folder import FORMAT
 
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
+SLURM = ("time=9", "partition=cpu")
+"""Options of jobs."""
 
 
 def make_cells(out: Path, *flags: str) -> list[Cell]:
@@ -57,7 +60,7 @@ def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: View | No
     return scheduler
 
 
-def start(out: Path, jobs: int, *flags: str) -> subprocess.Popen:
+def start(out: Path, jobs: int | str, *flags: str) -> subprocess.Popen:
     """A grid of fakes, set up already, in a process group of its own."""
     command = [sys.executable, __file__, str(out), str(jobs), *flags]
     return subprocess.Popen(
@@ -85,7 +88,9 @@ def main() -> None:
     cells = make_cells(out, *sys.argv[3:])
     write_record(out, cells, ["grid"])
     try:
-        train_cells(cells, LocalLauncher(int(sys.argv[2]), FAKE), 1, PlainView())
+        slurm = sys.argv[2] == "slurm"
+        launcher = SlurmLauncher(None, SLURM, out, FAKE) if slurm else LocalLauncher(int(sys.argv[2]), FAKE)
+        train_cells(cells, launcher, 1, PlainView())
     except RunFailed as error:
         print(error)
         sys.exit(1)

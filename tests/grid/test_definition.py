@@ -43,14 +43,14 @@ def test_flags_override_the_file(yaml):
         "tasks: [stack2]\nmethods: [sac, icm+hm]\nseeds: 2\npreset: smoke\n"
         "options: {epochs: 7, batch_size: 8}\nvariants: {wide: {sac.hidden: 128}, base: }"
     )
-    grid = grid_of(path, "--methods", "rnd", "--seeds", "5,", "--options", "epochs=9,machine.tensorboard=TRUE")
+    grid = grid_of(path, "--methods", "rnd", "--seeds", "5,", "--options", "epochs=9,machine.keep-replay=TRUE")
     assert grid == Grid(
         ["stack2"],
         ["rnd"],
         [5],
         "smoke",
         "gripper",
-        {"epochs": "9", "batch-size": "8", "machine.tensorboard": True},
+        {"epochs": "9", "batch-size": "8", "machine.keep-replay": True},
         {"wide": {"sac.hidden": "128"}, "base": {}},
     )
 
@@ -96,7 +96,7 @@ NUMBERS = {
     **{"sac.learning-rate": ("1e-3", 1e-3), "sac.gamma": (".5", 0.5), "sac.polyak": ("5.0e-2", 0.05)},
     **{"epochs": ("012", 12), "batch-size": ("1_000", 1000), "worlds": ("+8", 8)},
     **{
-        "machine.tensorboard": ("yes", True),
+        "machine.keep-replay": ("yes", True),
         "replay.satisfied-cap": ("~", None),
         "sac.tune-temperature": ("off", False),
     },
@@ -173,7 +173,7 @@ def test_the_command_of_a_cell_gives_its_config(tmp_path):
         "epochs": 3,
         "replay.satisfied-cap": None,
         "sac.tune-temperature": True,
-        "machine.tensorboard": False,
+        "machine.keep-replay": False,
         "method.eta": 0.5,
     }
     cell = cells_of(Grid(["stack2"], ["icm"], [3], "smoke", "fetch", options), tmp_path)[0]

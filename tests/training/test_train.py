@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -195,20 +194,3 @@ def test_an_agent_from_a_folder_acts_as_in_the_run(finished, tmp_path):
     assert [str(row["success"]) for row in rows] == [
         row["success"] for row in last_evaluation(read_rows(finished / "evaluations.csv"))
     ]
-
-
-def test_without_the_extra_tensorboard_no_run_is_begun(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
-    with pytest.raises(ValueError, match="needs the extra"):
-        train(replace(TINY, machine=MachineConfig(tensorboard=True)), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
-def test_tensorboard_gets_every_row(tmp_path):
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # seconds to import
-
-    train(replace(TINY, machine=MachineConfig(tensorboard=True)), tmp_path / "run")
-    events = EventAccumulator(str(tmp_path / "run" / "tensorboard")).Reload()
-    assert [event.step for event in events.Scalars("critic_loss")] == [1, 2, 3]
-    assert [event.step for event in events.Scalars("success")] == [2, 3]

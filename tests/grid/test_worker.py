@@ -1,12 +1,12 @@
-"""What a Ray worker does with a cell's process; no Ray is needed."""
+"""What a worker of a cluster does with a cell's process."""
 
 import signal
 from pathlib import Path
 
 import pytest
 
-from curiobench.grid import ray_launcher
-from curiobench.grid.ray_launcher import train_in_worker
+from curiobench.grid import launcher
+from curiobench.grid.launcher import train_in_worker
 
 
 class Process:
@@ -24,14 +24,14 @@ class Process:
 
 
 def test_a_task_that_is_cancelled_while_its_process_starts_passes_that_on(monkeypatch):
-    monkeypatch.setattr(ray_launcher, "LocalJob", Process)
+    monkeypatch.setattr(launcher, "LocalJob", Process)
     before = signal.getsignal(signal.SIGINT)
     assert train_in_worker((), (), "log", "") == 128 + signal.SIGINT
     assert signal.getsignal(signal.SIGINT) == before
 
 
 def test_a_process_that_cannot_start_is_an_error(monkeypatch):
-    monkeypatch.setattr(ray_launcher, "LocalJob", lambda *_: Path("/nowhere/log").touch())
+    monkeypatch.setattr(launcher, "LocalJob", lambda *_: Path("/nowhere/log").touch())
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(OSError, match="No such file"):
         train_in_worker((), (), "log", "")
