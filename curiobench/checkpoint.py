@@ -6,6 +6,7 @@ else, makes it valid. Both are written atomically. The checkpoint before it is k
 
 import hashlib
 import io
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,7 +76,7 @@ def load(folder: Path, fingerprint: str) -> tuple[dict[str, Any], dict[str, Any]
     if number is None:
         return None
     with errors_named(folder):
-        manifest = read_json(_manifest_path(folder, number))
+        manifest = read_json(_manifest_path(folder, number), math.inf)  # the state of a curriculum has any size
         if (found := manifest.get("format")) != FORMAT:
             kind = _OtherFormat if str(found).startswith("curiobench checkpoint") else ValueError
             raise kind(f"its format is {found!r}; this curiobench reads {FORMAT!r} only")

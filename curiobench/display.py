@@ -1,6 +1,5 @@
 """What a run shows: lines on the terminal, and rows for trackers. None of it changes the run."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +8,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from curiobench.terminal import draws
 from curiobench.trackers import Trackers
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ class Display:
         """
         self._config = config
         self._console = _Terminal()
-        terminal = sys.stdout.isatty()
-        self._live = Live(console=self._console, refresh_per_second=4, transient=True) if terminal else None
+        self._live = Live(console=self._console, refresh_per_second=4, transient=True) if draws() else None
         if self._live:
             self._live.start()
         self._learned = "-"

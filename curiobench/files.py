@@ -84,11 +84,11 @@ def utf8(text: str) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """An object from a JSON file of at most `MAX_JSON_BYTES`; raises ValueError, which names it, on anything else."""
+def read_json(path: Path, most: float = MAX_JSON_BYTES) -> dict[str, Any]:
+    """An object from a JSON file of at most so many bytes; raises ValueError, which names it, on anything else."""
     try:
-        if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_JSON_BYTES):
-            raise ValueError(f"it is no file of at most {MAX_JSON_BYTES:,} bytes")
+        if path.exists() and not (path.is_file() and path.stat().st_size <= most):
+            raise ValueError(f"it is no file of at most {most:,} bytes")
         values = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"cannot read {path}: {error}") from None

@@ -163,8 +163,8 @@ class TrainingState:
 
     def _sample(self) -> dict[str, np.ndarray | None]:
         """A batch, and what else the curiosity method asks for."""
-        method = self.agent.learner.curiosity and self.agent.learner.curiosity.method
-        wanted = (method.n_particles, method.uses_episode) if method else ()
+        curiosity = self.agent.learner.curiosity
+        wanted = () if curiosity is None else (curiosity.method.n_particles, curiosity.method.uses_episode)
         return self.replay.sample(self.config.batch_size, self._generators["replay"], *wanted)
 
     def end_epoch(self) -> None:

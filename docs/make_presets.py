@@ -114,7 +114,7 @@ if __name__ == "__main__":
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, "make presets"))
     page = DOCS / "methods" / "table4.md"
-    runs = [*sorted(RUNS.glob("stack2-sac-[01]")), *sorted((RUNS.parent / "table4").iterdir())]
+    runs = [*sorted(RUNS.glob("stack2-sac-[01]")), *sorted((RUNS.parent / "table4").glob("stack2-*"))]
     page.write_text(replace_section(page.read_text(), "table 4", final_table(runs), "make presets"))
     readme = DOCS.parent / "README.md"
     table = learned_table(sorted(RUNS.glob("stack3-sac-?")))

@@ -2,7 +2,7 @@
 
     python examples/sb3_her.py stack2 --minutes 6 --out runs/sb3-stack2.csv
 
-Episodes start biased, as in the paper's later epochs. Needs the extra `sb3`.
+Episodes start biased, as in the paper's later epochs. Needs the extras `train` and `sb3`.
 """
 
 import argparse

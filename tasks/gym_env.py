@@ -26,8 +26,8 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
 
     Observations are dicts of "observation", "achieved_goal" and "desired_goal". Reward is 1 after each step in which
     the goal holds. `reset(options={"goal": "a on b", "biased": True})` fixes the goal and the kind of start of one
-    episode. Episodes go on for ever here; `gymnasium.make` truncates them after the task's horizon, 50
-    steps, or `max_episode_steps`.
+    episode. Episodes go on for ever here; `gymnasium.make` truncates them after the task's horizon
+    or `max_episode_steps`.
     """
 
     metadata = METADATA

@@ -25,7 +25,7 @@ from curiobench.tasks.scene import CAMERA
 class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
     """N worlds stepped together; `gymnasium.make_vec("curiobench/SemanticStack3-v0", num_envs=64)`.
 
-    Episodes are truncated after the task's horizon, 50 steps. Then, in the autoreset mode
+    Episodes are truncated after the task's horizon. Then, in the autoreset mode
 
     - NEXT_STEP, the next step starts new ones instead of carrying out the action;
     - SAME_STEP, the same step does, and `info["final_obs"]` `(N,)` and `info["final_info"]` tell of the old end;

@@ -66,11 +66,6 @@ class TaskSpec:
         return goal_space(self.n_blocks, self.keeps)
 
     @property
-    def n_bits(self) -> int:
-        """Length of a goal; known without enumerating goals."""
-        return 3 * self.n_blocks * (self.n_blocks - 1) // 2
-
-    @property
     def is_slow_to_enumerate(self) -> bool:
         """Whether enumerating the goals takes ten seconds, which listings and readers of results do without."""
         return self.n_blocks > 4

@@ -124,6 +124,8 @@ def read_sums(folder: Path) -> dict[str, str]:
     """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
     path = folder / SUMS
     with reading(path):
+        if not path.is_file():  # reading a named pipe would never end
+            raise ValueError(f"cannot read {path}: it is no file")
         lines = path.read_text("utf-8", errors="replace").splitlines()
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 

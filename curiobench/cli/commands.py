@@ -127,6 +127,7 @@ def new_method(arguments: NewMethodArguments) -> None:
 
 def check(arguments: CheckArguments) -> None:
     """Print what is found in a method; raises CheckFailed, after it, where a property fails."""
+    from curiobench.check.goal_properties import examine_goals
     from curiobench.check.properties import examine
     from curiobench.methods.plugins import file_of
     from curiobench.methods.process import tune_process
@@ -136,12 +137,7 @@ def check(arguments: CheckArguments) -> None:
     if spec.method is None:
         raise ValueError(f"{arguments.method} has no method to check")
     tune_process()
-    if spec.reward is None:
-        from curiobench.check.goal_properties import examine_goals  # needs MuJoCo
-
-        findings = examine_goals(spec.method)
-    else:
-        findings = examine(spec.reward)
+    findings = examine_goals(spec.method) if spec.reward is None else examine(spec.reward)
     _show_findings(f"{spec.method.__name__} in {file_of(spec.method)}", findings, arguments.method)
 
 

@@ -29,8 +29,8 @@ def listing() -> str:
 
 def _task_line(task: str) -> str:
     spec = task_spec(task)
-    if spec.about:
-        return spec.about
+    if spec.about or spec.is_slow_to_enumerate:
+        return spec.about or f"{spec.n_blocks} blocks"
     layers, counts = np.unique(spec.goal_space.layers, return_counts=True)
     parts = ", ".join(f"{count} of height {layer}" for layer, count in zip(layers, counts, strict=True))
     return f"{spec.n_blocks} blocks, {counts.sum()} goals: {parts}"

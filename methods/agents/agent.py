@@ -77,7 +77,7 @@ class LearningAgent(ABC):
 
     @torch.no_grad()
     def transitions(self, batch: Batch, epoch: int) -> Transitions:
-        """What `update` shows of a batch to the curiosity method. Nothing in the agent changes.
+        """What `update` shows of a batch to the curiosity method. Nothing that decides how the agent goes on changes.
 
         Raises ValueError where there is no curiosity method.
         """

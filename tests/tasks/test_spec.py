@@ -60,7 +60,7 @@ def test_names_and_ids_are_unique():
 def test_the_page_of_the_tasks_has_the_numbers_of_each(task):
     spec = task_spec(task)
     heights = ", ".join(str(count) for count in np.bincount(spec.goal_space.layers)[1:])
-    row = f"{len(spec.goal_space)} ({heights}) | {observation_size(spec.n_blocks)} | {spec.n_bits} |"
+    row = f"{len(spec.goal_space)} ({heights}) | {observation_size(spec.n_blocks)} | {spec.goal_space.n_bits} |"
     assert re.search(rf"^\| `{task}` \| [a-e ]+ \| {re.escape(row)}$", PAGE.read_text(), re.MULTILINE)
 
 
