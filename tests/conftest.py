@@ -6,6 +6,12 @@ from pathlib import Path
 import pytest
 
 
+@pytest.fixture(autouse=True)
+def _no_width(monkeypatch):
+    """pytest-xdist sets COLUMNS, by which commands break their lines."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory) -> Path:
     """Folder of a finished run of TINY; not to be altered."""

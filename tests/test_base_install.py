@@ -46,7 +46,7 @@ for blocks in (2, 3, 4, 5):
 import curiobench
 try: curiobench.train
 except ImportError as error: print(error)
-try: curiobench.analysis.load
+try: curiobench.analysis.load("v1")
 except ImportError as error: print(error)
 """
     code, out, err = outcome(code, tmp_path)

@@ -17,7 +17,7 @@ HOSTILE = {
         "PYTHONCOERCECLOCALE": "0",
         "PYTHONIOENCODING": "ascii",
     },
-    **{"COLUMNS": "40", "TERM": "dumb", "NO_COLOR": "1", "TZ": "Mars/Phobos", "HOME": "/dev/null/home"},
+    **{"TERM": "dumb", "NO_COLOR": "1", "TZ": "Mars/Phobos", "HOME": "/dev/null/home"},
     **{"MPLBACKEND": "nonsense", "MUJOCO_GL": "nonsense", "OMP_NUM_THREADS": "nonsense", "CUDA_VISIBLE_DEVICES": ""},
     **{"PYTHONOPTIMIZE": "1", "PYTHONHASHSEED": "7"},
 }
