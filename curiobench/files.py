@@ -4,7 +4,7 @@ import errno
 import json
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -50,22 +50,22 @@ def sync(descriptor: int) -> None:
             raise
 
 
-@contextmanager
-def writing_to(path: Path) -> Iterator[None]:
+def writing_to(path: Path) -> AbstractContextManager[None]:
     """Turn an OSError into a ValueError, one line, that names what could not be written."""
-    try:
-        yield
-    except OSError as error:
-        raise ValueError(f"cannot write to {path}: {error.strerror or error}") from None
+    return _named(f"cannot write to {path}")
+
+
+def reading(path: Path) -> AbstractContextManager[None]:
+    """Turn an OSError into a ValueError, one line, that names what could not be read."""
+    return _named(f"cannot read {path}")
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn an OSError into a ValueError, one line, that names what could not be read."""
+def _named(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+        raise ValueError(f"{what}: {error.strerror or error}") from None
 
 
 def now() -> str:

@@ -14,7 +14,7 @@ from curiobench.analysis.style import line_styles
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
 GOOD_SUCCESS = 0.8  # mean success over all goals; tables have the epochs until it is reached
-_DECIMALS = 9  # of scores: equal successes that were summed in another order have to tie
+DECIMALS = 9  # of scores: equal successes that were summed in another order have to tie
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +137,9 @@ def _curves(runs: Sequence[str], frame: pd.DataFrame, layers: Sequence[int]) -> 
 
 def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, float]:
     """Mean success over training, and the first epoch with good success, from `(E,)` evaluations of one run."""
-    success = np.round(success, _DECIMALS)
+    success = np.round(success, DECIMALS)
     good = epochs[success >= GOOD_SUCCESS]
-    return np.round(area_under_curve(epochs, success), _DECIMALS), good[0] if len(good) else np.nan
+    return np.round(area_under_curve(epochs, success), DECIMALS), good[0] if len(good) else np.nan
 
 
 def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: Sequence[str]) -> list[np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from curiobench.analysis.frames import Results
 from curiobench.analysis.options import cautions, hour_digits
-from curiobench.analysis.samples import GOOD_SUCCESS, Sample, TaskSamples
+from curiobench.analysis.samples import DECIMALS, GOOD_SUCCESS, Sample, TaskSamples
 from curiobench.analysis.statistics import (
     ENOUGH_SEEDS,
     curve_interval,
@@ -137,7 +137,7 @@ def key_of(name: str, layer: int) -> str:
 
 def _final(sample: Sample) -> np.ndarray:
     """(S,) success over all goals at the end, rounded so that equal ones tie."""
-    return np.round(sample.last_success[:, 0], 9)
+    return np.round(sample.last_success[:, 0], DECIMALS)
 
 
 def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate | None:
