@@ -54,8 +54,10 @@ def draw_profile(task: TaskSamples, samples: Samples) -> list["Figure"]:
 
 
 def _draw_logged(task: TaskSamples, samples: Samples, column: str, name: str) -> list["Figure"]:
-    """A column of progress.csv over epochs."""
-    return draw_lines(samples, [Panel("", lambda sample: thinned(*sample.logged[column]))], _epochs(task, name))
+    """A column of progress.csv over epochs, on an axis that ends at 1 or above its largest value."""
+    highest = max(sample.logged[column][1].max() for sample in samples)
+    panel = Panel("", lambda sample: thinned(*sample.logged[column]), max(1.0, float(np.ceil(highest))))
+    return draw_lines(samples, [panel], _epochs(task, name))
 
 
 draw_exploitation = partial(_draw_logged, column="share_exploitation", name=r"share of $\pi_d$")

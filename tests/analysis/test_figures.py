@@ -190,6 +190,15 @@ def test_logged_columns_are_drawn_of_methods_that_have_them(samples):
     assert line.get_ydata() == pytest.approx(0.5 + 0.4 * mihm.success[:, 1:, 0].mean(0))
 
 
+def test_a_bonus_with_a_spread_above_1_stays_within_its_axes(samples):
+    task = samples(methods=("icm",))
+    epochs, spread = task.samples[0].logged["bonus_spread"]
+    sample = replace(task.samples[0], logged={"bonus_spread": (epochs, 30 * spread)})
+    with theme():
+        (figure,) = draw_bonus(task, [sample])
+    assert figure.axes[0].get_ylim()[1] > 30 * spread.max() > 1
+
+
 def test_heat_map_has_every_goal_by_layer_and_every_method(samples):
     task = samples(tasks=["stack3"], methods=("sac", LONG), seeds=2)
     with theme():
