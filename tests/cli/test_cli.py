@@ -91,10 +91,10 @@ def test_bad_input_takes_one_line_and_exit_code_2(cli, arguments, message):
 
 
 @pytest.mark.parametrize("columns", [40, 80])
-@pytest.mark.parametrize("command", ["--help", "list"])
+@pytest.mark.parametrize("command", ["--help", "list", *(f"{name} --help" for name in COMMANDS)])
 def test_help_and_lists_fit_the_terminal(cli, monkeypatch, columns, command):
     monkeypatch.setenv("COLUMNS", str(columns))
-    _, out, _ = cli(command)
+    _, out, _ = cli(*command.split())
     assert all(
         len(line) <= columns for line in out.splitlines() if not line.startswith(("  curiobench train", "usage"))
     )
