@@ -4,7 +4,6 @@ import fcntl
 import os
 import pty
 import re
-import shlex
 import shutil
 import struct
 import subprocess
@@ -124,20 +123,12 @@ def test_terminals_without_colour_get_no_codes(variable, command):
     assert re.sub(rb"\x1b\[[\d;]*m", b"", shown).split() == plain.split()
 
 
-def test_live_lines_fit_the_terminal(tmp_path):
-    """Where the terminal breaks them, rich cannot take them away again."""
-    shown = on_terminal({"TERM": "xterm"}, shlex.join((*TRAIN, "--out", str(tmp_path / "run"))), 40).decode()
-    lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown))
-    live = [line for line in lines if "cycle" in line]
-    assert 0 < max(map(len, live)) <= 40
-
-
-def on_terminal(variables, command, columns=80):
-    """What a command shows on a terminal."""
+def on_terminal(variables, command):
+    """What a command shows on a terminal of 80 columns."""
     ours, its = pty.openpty()
-    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     environment = {name: value for name, value in (os.environ | variables).items() if value is not None}
-    command = [*COMMAND, *shlex.split(command)]
+    command = [sys.executable, "-m", "curiobench", *command.split()]
     with subprocess.Popen(command, stdout=its, stderr=its, env=environment):
         os.close(its)
         shown = b""
