@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 import torch
 
+from curiobench import tasks
 from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA
 from curiobench.methods.agents.agent import LearningAgent
@@ -14,11 +15,10 @@ from curiobench.methods.curriculum import Curriculum, GoalMethod, Goals
 from curiobench.methods.plugins import building
 from curiobench.methods.registry import make_agent, parse_spec
 from curiobench.replay import EpisodeReplay
-from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.observation import BLOCK_SIZE, BODY_SIZE
 from curiobench.tasks.registration import task_spec
-from curiobench.tasks.stacking import ACTION_SIZE
+from curiobench.tasks.spec import ACTION_SIZE
 
 Goal = TypeVar("Goal", bound=GoalMethod)
 
@@ -64,7 +64,7 @@ def build_replay(config: RunConfig, folder: Path | None = None) -> EpisodeReplay
     return EpisodeReplay(
         config.replay,
         valid_goals=spec.goal_space.goals,
-        compute_reward=BatchedStacking.compute_reward,
+        compute_reward=tasks.BatchedStacking.compute_reward,
         steps=spec.horizon,
         observation_size=pair_layout(spec.goal_space).observation_size,
         action_size=ACTION_SIZE,

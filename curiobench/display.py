@@ -17,20 +17,24 @@ if TYPE_CHECKING:
     from curiobench.state import Counters
 
 
-class _Terminal(Console):
+class Terminal(Console):
     """Standard output. It falls silent, and nothing more, once nobody reads it any longer or its disk is full."""
 
     def __init__(self) -> None:
-        super().__init__(soft_wrap=True, highlight=False)
+        super().__init__(highlight=False)
+
+    def say(self, text: str) -> None:
+        """Print text as it is, its lines never broken."""
+        self.print(Text(text, no_wrap=True, overflow="ignore"), crop=False)
 
     def on_broken_pipe(self) -> None:
         """Rich's own would end the process."""
         self.quiet = True
 
-    def print(self, *objects: Any, **options: Any) -> None:
-        """As `Console.print`."""
+    def __exit__(self, *exception: Any) -> None:
+        """Rich writes here, what is printed and what is drawn live."""
         try:
-            super().print(*objects, **options)
+            super().__exit__(*exception)
         except OSError:
             self.quiet = True
 
@@ -46,7 +50,7 @@ class Display:
             first_epoch: the first that is to come.
         """
         self._config = config
-        self._console = _Terminal()
+        self._console = Terminal()
         self._live = Live(console=self._console, refresh_per_second=4, transient=True) if draws() else None
         if self._live:
             self._live.start()
@@ -81,7 +85,7 @@ class Display:
 
     def note(self, text: str) -> None:
         """Print a line above the live ones."""
-        self._console.print(text, markup=False)
+        self._console.say(text)
 
     def close(self) -> None:
         """Remove the live lines and close the trackers."""

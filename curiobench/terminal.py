@@ -1,10 +1,14 @@
-"""Text for terminals of any width. What has to be pasted, such as a path or a command, is never broken."""
+"""Text for terminals of any width, and streams that nobody reads any longer.
+
+What has to be pasted, such as a path or a command, is never broken.
+"""
 
 import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Mapping
+from typing import TextIO
 
 ROOM = 30
 """Columns that a description needs beside its name; with fewer it stands below."""
@@ -13,6 +17,14 @@ ROOM = 30
 def draws() -> bool:
     """Whether output goes to a terminal that understands control codes."""
     return sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def settle(stream: TextIO) -> None:
+    """Write what a stream still holds. Where that fails it goes nowhere, and the end of the process raises nothing."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def width() -> int | None:

@@ -11,8 +11,8 @@ from curiobench.files import replace_file
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.rollout import play, policy
 from curiobench.tasks import BatchedStacking
+from curiobench.tasks.observation import CONTROL_TIMESTEP
 from curiobench.tasks.rendering import WorldRenderer
-from curiobench.tasks.robots import CONTROL_TIMESTEP
 
 SUFFIXES = (".mp4", ".gif")
 

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from curiobench.tasks.robots import HAND_ROTATION, HAND_STEP, Hand, HandState, Robot, add_finger_servos, finger_targets
+from curiobench.tasks.observation import HandState
+from curiobench.tasks.robots import HAND_ROTATION, HAND_STEP, Hand, Robot, add_finger_servos, finger_targets
 
 _BASE_SLIDES = {"robot0:slide0": 0.405, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
 """Where the robot stands beside the table (metres)."""

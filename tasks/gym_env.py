@@ -16,8 +16,8 @@ from curiobench.tasks.gym_common import (
     read_options,
     start,
 )
+from curiobench.tasks.observation import CONTROL_TIMESTEP
 from curiobench.tasks.rendering import HEIGHT, WIDTH
-from curiobench.tasks.robots import CONTROL_TIMESTEP
 from curiobench.tasks.scene import CAMERA
 
 

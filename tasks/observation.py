@@ -1,14 +1,15 @@
 """What an agent sees: the paper's state vector, the same for every robot, computed for any number of worlds at once.
 
 Lengths in metres, angles in radians, world frame. Velocities are per control step: SI values times 0.04 s.
+Imports no MuJoCo.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from curiobench.tasks.robots import CONTROL_TIMESTEP, HandState
-
+CONTROL_TIMESTEP = 0.04
+"""Seconds per action: 25 Hz."""
 BODY_SIZE, BLOCK_SIZE = 10, 15
 BODY_PARTS = {
     "grip_position": slice(0, 3),
@@ -25,6 +26,22 @@ BLOCK_PARTS = {
     "angular_velocity": slice(12, 15),
 }
 """Where each part of a block's state stands after the block's start, which is `10 + 15 i` for block i."""
+
+
+@dataclass(frozen=True)
+class HandState:
+    """What both robots know of their hand, for N worlds at once; metres and metres a second, world frame."""
+
+    grip_position: np.ndarray
+    """`(N, 3)`"""
+    grip_velocity: np.ndarray
+    """`(N, 3)`"""
+    finger_positions: np.ndarray
+    """`(N, 2)`, right and left; the opening between them is their sum plus 1.8 mm."""
+    finger_velocities: np.ndarray
+    """`(N, 2)`"""
+    target_origin: np.ndarray
+    """`(N, k)`: the present pose from which an action displaces the hand's target, in the robot's own terms."""
 
 
 @dataclass(frozen=True)

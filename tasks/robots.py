@@ -9,14 +9,13 @@ Action, each in [-1, 1]: hand displacement (x, y, z) in units of `HAND_STEP`, an
 
 import abc
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-CONTROL_TIMESTEP = 0.04
-"""Seconds per action: 25 Hz."""
+from curiobench.tasks.observation import CONTROL_TIMESTEP, HandState
+
 HAND_STEP = 0.05
 """Displacement of the hand's target at |action| = 1 (metres)."""
 FINGER_TARGET_LIMIT = 0.2
@@ -34,22 +33,6 @@ _FINGER_JOINT = dict(type="slide", armature=100, damping=1000, limited=True, ran
 _CONTACT = dict(margin=0.001, solref=(0.01, 1), solimp=(0.99, 0.99, 0.01))
 _METAL = (0.36, 0.36, 0.38, 1.0)
 _PALE = (0.93, 0.93, 0.94, 1.0)
-
-
-@dataclass(frozen=True)
-class HandState:
-    """What both robots know of their hand, for N worlds at once; metres and metres a second, world frame."""
-
-    grip_position: np.ndarray
-    """`(N, 3)`"""
-    grip_velocity: np.ndarray
-    """`(N, 3)`"""
-    finger_positions: np.ndarray
-    """`(N, 2)`, right and left; the opening between them is their sum plus 1.8 mm."""
-    finger_velocities: np.ndarray
-    """`(N, 2)`"""
-    target_origin: np.ndarray
-    """`(N, k)`: the present pose from which an action displaces the hand's target, in the robot's own terms."""
 
 
 class Hand(abc.ABC):

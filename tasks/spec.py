@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from curiobench.tasks.starts import BiasedStarts
 
 ROBOTS = ("gripper", "fetch")
+ACTION_SIZE = 4
+"""Numbers in an action: hand displacement (x, y, z) and finger displacement."""
 EPISODE_STEPS = 50
 """Actions per episode of a task that does not say otherwise."""
 

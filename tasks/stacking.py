@@ -12,12 +12,11 @@ from curiobench.tasks import observation as obs
 from curiobench.tasks.goal_names import BLOCK_NAMES
 from curiobench.tasks.goals import GoalSpace, predicates
 from curiobench.tasks.registration import check_robot, task_spec
-from curiobench.tasks.robots import CONTROL_TIMESTEP, FreeGripper, Robot
+from curiobench.tasks.robots import FreeGripper, Robot
 from curiobench.tasks.scene import Block
-from curiobench.tasks.spec import TaskSpec
+from curiobench.tasks.spec import ACTION_SIZE, TaskSpec
 from curiobench.tasks.starts import HELD_FINGER_POSITION, NONE_HELD, BiasedStarts
 
-ACTION_SIZE = 4
 _ACTION_TOLERANCE = 1e-5
 """By how much rounding may carry an action over ±1."""
 
@@ -110,7 +109,7 @@ class SemanticStacking(composer.Task):
         self._arena.mjcf_model.option.set_attributes(cone="pyramidal", noslip_iterations=0)
         robot.install(self._arena)
         self._block_joints = [Block(index).add_to(self._arena) for index in range(spec.n_blocks)]
-        self.set_timesteps(control_timestep=CONTROL_TIMESTEP, physics_timestep=robot.timestep)
+        self.set_timesteps(control_timestep=obs.CONTROL_TIMESTEP, physics_timestep=robot.timestep)
         self._bound: StackingModel | None = None
         self._observed: tuple[bytes, np.ndarray] = (b"", np.empty(0))
         self._task_observables = self._named_observables()

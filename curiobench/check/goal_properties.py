@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from curiobench import tasks
 from curiobench.build import goals_of
 from curiobench.check import Finding
 from curiobench.check.properties import expect, finding, no_global_randomness
@@ -19,7 +20,6 @@ from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.goal_guard import curriculum_metrics, goal_weights, goals_drawn
 from curiobench.methods.relabelling import Relabelling
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
-from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import goal_space
 
 EPISODES, STEPS = 40, 12
@@ -98,7 +98,7 @@ def _replay(method: type[Relabelling], n_blocks: int, filled: int = EPISODES) ->
     own = method(goals, method.Config())
     sizes = {"steps": STEPS, "observation_size": 5, "action_size": 2, "on_bits": space.on_bits}
     replay = EpisodeReplay(
-        ReplayConfig(capacity=EPISODES), space.goals, BatchedStacking.compute_reward, **sizes, relabelling=own
+        ReplayConfig(capacity=EPISODES), space.goals, tasks.BatchedStacking.compute_reward, **sizes, relabelling=own
     )
     moves = rng.random((filled, STEPS + 1)) < 0.3
     path = np.where(moves, rng.integers(len(space), size=moves.shape), 0)

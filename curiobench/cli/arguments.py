@@ -1,5 +1,6 @@
 """Arguments of the commands but `train`, and how they are parsed."""
 
+import inspect
 import io
 import os
 import re
@@ -12,6 +13,7 @@ from typing import Annotated, Literal, TypeVar
 
 import tyro
 
+from curiobench import terminal
 from curiobench.probe import Among
 
 Arguments = TypeVar("Arguments")
@@ -261,11 +263,21 @@ def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default
     tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # which it does not read by itself
     try:
         with redirect_stderr(messages):
-            return tyro.cli(kind, prog=f"curiobench {command}", args=list(arguments), default=default)
+            return tyro.cli(
+                kind, prog=f"curiobench {command}", description=_about(kind), args=list(arguments), default=default
+            )
     except SystemExit as exit_:
         if not exit_.code:
             raise
         raise ValueError(_one_line(messages.getvalue())) from None
+
+
+def _about(kind: type) -> str:
+    """The docstring of a command's arguments, as wide as the terminal; tyro breaks the lines of options alone."""
+    paragraphs = inspect.cleandoc(kind.__doc__ or "").split("\n\n")
+    columns = terminal.width()
+    # the indent keeps the breaks: tyro joins lines that begin with a letter
+    return "\n\n".join(terminal.wrapped(" ".join(paragraph.split()), columns, "", "  ") for paragraph in paragraphs)
 
 
 def _one_line(box: str) -> str:

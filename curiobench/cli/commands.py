@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple, NoReturn
 
 from curiobench import terminal
@@ -39,6 +40,7 @@ def train(arguments: Any) -> None:
     from curiobench.training import train
 
     train(arguments.config, arguments.out, arguments.resume, ["curiobench", *sys.argv[1:]])
+    terminal.settle(sys.stdout)  # the run is there, whether its lines are read or not
 
 
 def grid(arguments: GridArguments) -> None:
@@ -46,6 +48,8 @@ def grid(arguments: GridArguments) -> None:
     from curiobench.grid.run import run_grid
 
     run_grid(arguments, ["curiobench", *sys.argv[1:]])
+    if not arguments.dry_run:
+        terminal.settle(sys.stdout)
 
 
 def evaluate(arguments: EvaluateArguments) -> None:
@@ -246,7 +250,7 @@ def main() -> NoReturn:
         run(sys.argv[1:])
         sys.stdout.flush()
     except BrokenPipeError:  # as in `curiobench list | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # which is flushed once more at exit
+        terminal.settle(sys.stdout)
         sys.exit(128 + signal.SIGPIPE)
     except ValueError as error:
         _exit(error, 2)
@@ -274,5 +278,8 @@ def _prepare_streams() -> None:
 
 
 def _exit(message: object, code: int) -> NoReturn:
-    print(f"curiobench: {one_line(message)}", file=sys.stderr)
+    terminal.settle(sys.stdout)
+    with suppress(OSError):
+        print(f"curiobench: {one_line(message)}", file=sys.stderr)
+    terminal.settle(sys.stderr)
     sys.exit(code)

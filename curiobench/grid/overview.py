@@ -5,14 +5,14 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
 from curiobench import terminal
-from curiobench.display import duration
+from curiobench.display import Terminal, duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
@@ -57,10 +57,11 @@ class PlainView(View):
     """Lines with the time of day, for logs; a line on all cells every few minutes."""
 
     def __init__(self) -> None:
+        self._console = Terminal()
         self._reported = time.monotonic()
 
     def event(self, text: str) -> None:
-        print(f"{datetime.now():%H:%M:%S} {text}", flush=True)
+        self._console.say(f"{datetime.now():%H:%M:%S} {text}")
 
     def started(self, status: Status) -> None:
         self.event(f"{status.cell.folder}: started at epoch {status.progress.epoch + 1} of {status.cell.config.epochs}")
@@ -78,14 +79,14 @@ class PlainView(View):
 class LiveView(View):
     """A table on the terminal, drawn at most once a second; messages are printed above it."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(highlight=False)
+    def __init__(self) -> None:
+        self._console = Terminal()
         self._live = Live(console=self._console, auto_refresh=False)
         self._live.start()
         self._drawn = 0.0
 
     def event(self, text: str) -> None:
-        self._console.print(f"{datetime.now():%H:%M:%S} {text}", markup=False, soft_wrap=True)
+        self._console.say(f"{datetime.now():%H:%M:%S} {text}")
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
         self._frame = (statuses, slots)

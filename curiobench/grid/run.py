@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from curiobench.cli.arguments import GridArguments
+from curiobench.display import Terminal
 from curiobench.errors import Interrupted, RunFailed, StopRequest, pasted
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
@@ -46,7 +47,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         train_cells(cells, launcher, arguments.retries, view())
     finally:
         launcher.close()
-    print(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
+    Terminal().say(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
 
 
 def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
@@ -61,7 +62,8 @@ def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: V
             view.close()
     statuses = scheduler.statuses
     faults = [status for status in statuses if status.state in (State.BROKEN, State.CONFLICT)]
-    print("\n".join(map(_fault_line, faults)), end="\n" if faults else "")
+    for status in faults:
+        Terminal().say(_fault_line(status))
     if stop.count:
         raise Interrupted(f"{summary(statuses, slots)}; the same command continues", stop.number)
     if faults:

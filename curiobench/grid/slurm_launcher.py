@@ -80,6 +80,8 @@ class SlurmLauncher:
         Raises ValueError where submitit or SLURM is missing or an option is wrong; one line.
         """
         parameters = _parameters(options)
+        # else its import sets up the logging of the whole process anew, and closes what other loggers write to
+        os.environ.setdefault("SUBMITIT_LOG_LEVEL", "NOCONFIG")
         try:
             import submitit
         except ImportError:

@@ -13,7 +13,7 @@ from curiobench.rollout import Act, play
 from curiobench.tasks.batch import BatchedStacking, Observation
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.scripts import Script, push_off_table, stack_two
-from curiobench.tasks.stacking import ACTION_SIZE
+from curiobench.tasks.spec import ACTION_SIZE
 
 REFERENCE_WORLDS = 32
 """Worlds for each half of the reference play: 3200 transitions in all, of which the set is taken."""

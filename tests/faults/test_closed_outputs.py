@@ -1,13 +1,25 @@
 """Standard output that is closed, full, ASCII only, or that nobody reads any longer."""
 
 import os
+import pty
 import shlex
 import subprocess
 
 import pytest
-from commands import COMMAND, TRAIN, reading
+from commands import COMMAND, GRID, TRAIN, reading
 
+LONG = {
+    "train": ((*TRAIN, "--epochs", "1", "--cycles", "1", "--out", "run"), "run"),
+    "grid": (GRID, "grid/stack2-sac-0"),
+}
+"""Commands that nobody waits for, and their run folders."""
 GONE = {"gone": "| true", "full": ">/dev/full", "closed": ">&- 2>&-"}
+
+
+@pytest.fixture(autouse=True, params=["buffered", "unbuffered"])
+def _buffering(monkeypatch, request):
+    """By itself Python writes to a pipe late; containers often tell it not to."""
+    monkeypatch.setenv("PYTHONUNBUFFERED", "1" if request.param == "unbuffered" else "")
 
 
 def shell(words, output, folder):
@@ -18,22 +30,34 @@ def shell(words, output, folder):
 
 
 @pytest.mark.parametrize("output", GONE)
-def test_a_run_that_nobody_can_read_finishes(tmp_path, output):
-    code, err = shell((*TRAIN, "--epochs", "1", "--cycles", "1", "--out", "run"), GONE[output], tmp_path)
-    assert (tmp_path / "run" / "result.json").exists()
+@pytest.mark.parametrize("command", LONG)
+def test_what_nobody_can_read_finishes(tmp_path, command, output):
+    words, run = LONG[command]
+    code, err = shell(words, GONE[output], tmp_path)
+    assert (tmp_path / run / "result.json").exists()
     assert (code, err) == (0, b"")
 
 
-@pytest.mark.parametrize("command", ["table", "report"])
-def test_a_full_disk_is_told_in_one_line(finished, tmp_path, command):
-    code, err = shell(reading(finished)[command], ">/dev/full", tmp_path)
+def test_a_terminal_that_goes_away_stops_no_run(tmp_path):
+    ours, its = pty.openpty()
+    words, run = LONG["train"]
+    command, environment = [*COMMAND, *words], os.environ | {"TERM": "xterm"}
+    with subprocess.Popen(command, cwd=tmp_path, stdout=its, stderr=its, env=environment) as process:
+        os.close(its)
+        os.read(ours, 1)  # it draws
+        os.close(ours)
+        assert process.wait(timeout=300) == 0
+    assert (tmp_path / run / "result.json").exists()
+
+
+def test_a_full_disk_is_told_in_one_line(finished, tmp_path):
+    code, err = shell(reading(finished)["table"], ">/dev/full", tmp_path)
     assert (code, err) == (2, b"curiobench: [Errno 28] No space left on device\n")
 
 
-@pytest.mark.parametrize("command", ["table", "report"])
-def test_a_reader_that_goes_away_gets_no_traceback(finished, tmp_path, command):
+def test_a_reader_that_goes_away_gets_no_traceback(finished, tmp_path):
     """As `curiobench table runs | head -1`."""
-    assert shell(reading(finished)[command], "| true", tmp_path) == (141, b"")
+    assert shell(reading(finished)["table"], "| true", tmp_path) == (141, b"")
 
 
 def test_nothing_is_amiss_where_a_stream_is_closed(finished, tmp_path):

@@ -88,13 +88,14 @@ def test_a_log_gets_a_line_every_few_minutes(statuses, capsys, monkeypatch):
     assert capsys.readouterr().out[9:] == summary(statuses, 3) + "\n"
 
 
-def test_events_stand_above_the_live_rows(statuses):
-    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True, highlight=False)
-    view = LiveView(console)
+def test_events_stand_above_the_live_rows(statuses, capsys, monkeypatch):
+    for name, value in {"FORCE_COLOR": "1", "COLUMNS": "80", "LINES": "24"}.items():
+        monkeypatch.setenv(name, value)
+    view = LiveView()
     view.show(statuses, 3)
     view.event("stack2-sac-0: exit code 1; to be tried again\n    [/red] no markup")
     view.close()
-    text = console.file.getvalue()
+    text = capsys.readouterr().out
     assert "[/red] no markup" in text
     assert "2 of 40 cells finished" in text
 

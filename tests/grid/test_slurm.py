@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import subprocess
 import sys
 import time
 
@@ -21,7 +22,6 @@ from curiobench.run_folder import is_locked
 
 @pytest.fixture
 def cluster(tmp_path, monkeypatch):
-    pytest.importorskip("submitit")
     monkeypatch.setenv("FAKE_SLURM", str(tmp_path / "slurm"))
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
     for name in ("slurm", "bin"):
@@ -60,7 +60,6 @@ def wait_for(condition):
 
 @pytest.mark.slow
 def test_the_local_executor_makes_the_rows_of_a_local_grid(tmp_path, capsys):
-    pytest.importorskip("submitit")
     cells = paced(tmp_path, pace=0.02, failures=1)
     assert finish(cells, cluster="Local") == [State.FINISHED] * 2
     assert rows(cells[0].out) == undisturbed(cells)
@@ -132,7 +131,6 @@ def test_a_job_whose_time_is_up_goes_on_in_another(cluster, tmp_path, capsys):
     ],
 )
 def test_wrong_options_begin_nothing(flags, message, tmp_path, monkeypatch):
-    pytest.importorskip("submitit")
     monkeypatch.setenv("PATH", str(tmp_path))
     arguments = ["--tasks", "stack2", "--methods", "sac", "--launcher", "slurm", "--out", str(tmp_path / "grid")]
     for flag in flags:
@@ -141,6 +139,22 @@ def test_wrong_options_begin_nothing(flags, message, tmp_path, monkeypatch):
         run_grid(parse(GridArguments, "grid", arguments))
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "grid").exists()
+
+
+def test_other_loggers_stay_as_they_are(tmp_path):
+    """In a process of its own: submitit is imported once."""
+    program = f"""
+import logging
+from pathlib import Path
+from curiobench.grid.slurm_launcher import SlurmLauncher
+class Handler(logging.Handler):
+    def close(self): print("closed")
+handler = Handler()
+SlurmLauncher(None, ["time=9"], Path({str(tmp_path)!r}), cluster="Local")
+print("open", flush=True)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[0] == "open"
 
 
 def test_without_the_extra(tmp_path, monkeypatch):

@@ -10,8 +10,8 @@ from tiny_runs import TINY
 from curiobench.cli.train_arguments import flags_of
 from curiobench.options import flatten
 
-COMMAND = (sys.executable, "-P", "-m", "curiobench")
-"""As the installed `curiobench`, for which files of the working folder take no module's place either."""
+COMMAND = (str(Path(sys.executable).with_name("curiobench")),)
+"""The installed command."""
 OPTIONS = {
     name.replace("_", "-"): value
     for name, value in flatten(TINY.to_json()).items()

@@ -9,7 +9,8 @@ import time
 
 import pytest
 
-from curiobench.workers import no_collection, parallel_map, quota
+from curiobench.grid.launcher import physical_cores
+from curiobench.workers import cores, no_collection, parallel_map, quota
 
 HERE = os.getpid()
 linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
@@ -148,3 +149,8 @@ def test_a_container_s_limit_is_the_least_of_its_groups(tmp_path, limits, expect
         (root / group / "cpu.max").write_text(limit + "\n")
     assert quota(root, membership) == expected
     assert quota(root, tmp_path / "none") == (sys.maxsize if limits.get("", "max").startswith("max") else 4)
+
+
+def test_a_process_that_is_bound_to_a_core_has_one(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
+    assert cores() == physical_cores() == 1
