@@ -16,7 +16,15 @@ import tyro
 from curiobench.curriculum import CurriculumName
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.checks import check_option
-from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings, with_track
+from curiobench.options import (
+    ADDED_LATER,
+    added_later,
+    build_dataclass,
+    changes,
+    flatten,
+    with_later_settings,
+    with_track,
+)
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
 
@@ -38,7 +46,7 @@ TRACKER_NAMES = ("tensorboard", "wandb", "mlflow")
 PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 """Names of the presets; `curiobench.presets` has their configs."""
 
-Starts = Literal["biased", "plain"]
+StartsName = Literal["biased", "plain"]
 """Where training episodes start."""
 
 
@@ -103,7 +111,7 @@ class RunConfig:
     """Gradient updates a cycle."""
     batch_size: int = 4096
     """Transitions a gradient update."""
-    starts: Starts = "biased"
+    starts: StartsName = "biased"
     """Where training episodes start: biased towards stacks and held blocks, or always plain, blocks spread on the
     table, which makes exploration hard. Test episodes start plain in any case."""
     biased_from_epoch: int = 80
@@ -140,7 +148,7 @@ class RunConfig:
     def __post_init__(self) -> None:
         check_robot(self.task, self.robot)
         check_name("preset", self.preset, PRESET_NAMES)
-        check_option(self, "starts", Starts)
+        check_option(self, "starts", StartsName)
         check_option(self, "curriculum", CurriculumName)
         self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
@@ -191,7 +199,7 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = build(cls, with_track(values))
+        config = build_dataclass(cls, with_track(values))
         if settings is None:
             return config
         return replace(config, method_config=_settings(config.method, with_later_settings(config.method, settings)))
@@ -261,4 +269,4 @@ def _settings(method: str, values: Any) -> Any:
     found = _parse_spec(method).method
     if found is None:
         raise ValueError(f"unknown config field method_config: {method} has no settings")
-    return build(found.Config, values, "method_config.")
+    return build_dataclass(found.Config, values, "method_config.")

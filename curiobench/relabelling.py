@@ -19,12 +19,12 @@ from curiobench.methods.relabelling import Draw
 if TYPE_CHECKING:
     from curiobench.replay import EpisodeReplay
 
-KINDS = 3
+N_ARRIVAL_KINDS = 3
 """Kinds of arrivals: a block was put on another; else two came close; else something was only undone."""
 
 
 def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) -> np.ndarray:
-    """Kind (...) of the changes between achieved goals `(..., bits)`: 0, 1 or 2, as in `KINDS`.
+    """Kind (...) of the changes between achieved goals `(..., bits)`: 0, 1 or 2, as in `N_ARRIVAL_KINDS`.
 
     `on_bits` `(bits,)` bool says which bits mean that a block lies on another.
     """
@@ -73,14 +73,14 @@ RelabellingName = Literal[tuple(RELABELLINGS)]
 
 
 def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
-    """`size` steps that lead up to arrivals, among the groups (goal · KINDS + kind) that occur."""
+    """`size` steps that lead up to arrivals, among the groups (goal · N_ARRIVAL_KINDS + kind) that occur."""
     uniform = generator.random((3, size))
     if replay.goal_weights is None:
         group = occurring[scaled(uniform[0], len(occurring))]
     else:
-        group = occurring[weighted(uniform[0], _group_weights(replay.goal_weights, occurring // KINDS))]
+        group = occurring[weighted(uniform[0], _group_weights(replay.goal_weights, occurring // N_ARRIVAL_KINDS))]
     slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
-    goal = group // KINDS
+    goal = group // N_ARRIVAL_KINDS
     earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
     rank = scaled(uniform[2], earlier.sum(1))
     return slot, np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1), replay.valid_goals[goal]

@@ -13,7 +13,7 @@ import numpy as np
 from curiobench.methods.checks import check_option
 from curiobench.methods.relabelling import Relabelling
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
+from curiobench.relabelling import N_ARRIVAL_KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
 from curiobench.replay_files import EpisodeFiles
 from curiobench.tasks.goals import GoalTable
 
@@ -76,7 +76,7 @@ class EpisodeReplay:
         arrays: observation, achieved_goal, action and desired_goal of every slot, as in `Episodes`.
         goal_ids: `(capacity, T + 1)` position of the achieved goal among the valid ones, -1 where it is none of them.
         ends: slots by the valid goal that their episode ended in.
-        arrivals: places, slot · (T + 1) + step, by goal · KINDS + kind; see `relabelling.py`.
+        arrivals: places, slot · (T + 1) + step, by goal · N_ARRIVAL_KINDS + kind; see `relabelling.py`.
         goal_weights: `(G,)` probabilities with which goals are drawn, set by a curriculum that decides that; or None.
     """
 
@@ -150,7 +150,7 @@ class EpisodeReplay:
 
     def _clear_index(self) -> None:
         n_goals = len(self.valid_goals)
-        self.ends, self.arrivals = Queues(n_goals), Queues(KINDS * n_goals)
+        self.ends, self.arrivals = Queues(n_goals), Queues(N_ARRIVAL_KINDS * n_goals)
 
     def _index(self, slots: np.ndarray) -> None:
         """Enter the episodes in slots (K,), oldest first."""
@@ -169,7 +169,7 @@ class EpisodeReplay:
         k, step = np.nonzero((goals[:, 1:] >= 0) & (goals[:, 1:] != goals[:, :-1]))
         slot, step = slots[k], step + 1
         kinds = arrival_kinds(achieved[slot, step - 1], achieved[slot, step], self._on_bits)
-        return KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
+        return N_ARRIVAL_KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
 
     def sample(
         self, batch_size: int, generator: np.random.Generator, n_particles: int = 0, episodes: bool = False

@@ -30,9 +30,9 @@ from curiobench.tasks import BatchedStacking
 STREAMS = ("worlds", "goals", "replay", "agent")
 """Random streams of a run, spawned from its seed by position: append only, or every run changes."""
 
-PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
+PHASES = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
 """Parts of a run's wall-clock time."""
-WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PARTS))
+WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PHASES))
 """Columns of progress.csv that may differ between two runs of one config; they come last."""
 
 
@@ -226,7 +226,7 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
     }
     row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
     row |= curriculum_metrics(state.curriculum)
-    seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
+    seconds = [counters.seconds.get(part, 0.0) for part in PHASES]
     return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
 
 

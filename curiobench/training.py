@@ -42,7 +42,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
         try:
-            run = Run(folder, config, stop)
+            run = TrainingRun(folder, config, stop)
         except BaseException as error:
             folder.withdraw()
             if isinstance(error, OSError | MemoryError | MethodError):
@@ -58,7 +58,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
             run.display.close()
 
 
-class Run:
+class TrainingRun:
     """The loop, on one run folder."""
 
     def __init__(self, folder: RunFolder, config: RunConfig, stop: StopRequest) -> None:

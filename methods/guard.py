@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.plugins import Method, file_of, summary
+from curiobench.methods.plugins import Method, error_line, file_of
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
@@ -52,7 +52,7 @@ def blamed(method: Method, call: str, update: int | None = None) -> Iterator[Non
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise fault(method, update, f"{call}() raised {summary(error)}") from error
+        raise fault(method, update, f"{call}() raised {error_line(error)}") from error
 
 
 def flaw_of_reward(reward: object, size: int) -> str | None:

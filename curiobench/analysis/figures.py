@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curiobench.analysis.canvas import FORMATS, save
+from curiobench.analysis.canvas import FORMATS, save_figure
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
 from curiobench.analysis.frames import Results
 from curiobench.analysis.lines import Axis, Panel, draw_lines
-from curiobench.analysis.options import count_partial
 from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import performance_profile, seed_warnings
 from curiobench.analysis.style import base, caption, layer_in_words, method_name, seeds_in_words, theme
+from curiobench.analysis.variants import count_partial
 from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map
 
@@ -82,7 +82,7 @@ def _short(number: float) -> str:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FigureKind:
     """A figure that each task gets."""
 
     draw: Callable[[TaskSamples, Samples], list["Figure"]]
@@ -99,44 +99,44 @@ class Kind:
         return known and (self.methods is None or sample.method in self.methods)
 
 
-KINDS = MappingProxyType(
+FIGURES = MappingProxyType(
     {
-        "learning-curves": Kind(
+        "learning-curves": FigureKind(
             draw_success,
             "Success from plain starts, mean over goals",
             "Success at evaluations over training: mean over seeds and goals, of all goals and of each layer; bands "
             "are 95 % bootstrap intervals over seeds.",
         ),
-        "learned-goals": Kind(
+        "learned-goals": FigureKind(
             draw_learned,
             "Goals with a success above 80 %",
             "Number of goals whose success is above 80 %, over training.",
         ),
-        "exploitation": Kind(
+        "exploitation": FigureKind(
             draw_exploitation,
             "Share of training steps at which the exploitation policy π_d acted",
             "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
             column="share_exploitation",
         ),
-        "bonus": Kind(
+        "bonus": FigureKind(
             draw_bonus,
             "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
             "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
             column="bonus_spread",
         ),
-        "heat-map": Kind(
+        "heat-map": FigureKind(
             draw_heat_map,
             "Success of each goal at the last evaluation",
             "Success of each goal at the last evaluation, mean over seeds.",
             "Mean over {seeds}",
         ),
-        "profile": Kind(
+        "profile": FigureKind(
             draw_profile,
             "Share of goals and seeds that end above a success of τ",
             "Performance profile: the share of goals and seeds whose final success is above τ. Higher is better, at "
             "every τ.",
         ),
-        "comparison": Kind(
+        "comparison": FigureKind(
             draw_comparison,
             "The last evaluation, and success averaged over training; dotted: success before training",
             "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small dots are "
@@ -149,14 +149,14 @@ KINDS = MappingProxyType(
 
 PAPER = MappingProxyType(
     {
-        "figure-4": replace(KINDS["learning-curves"], methods=CURIOUS),
-        "figure-6c": KINDS["exploitation"],
-        "figure-7": replace(KINDS["learning-curves"], methods=ABLATIONS),
+        "figure-4": replace(FIGURES["learning-curves"], methods=CURIOUS),
+        "figure-6c": FIGURES["exploitation"],
+        "figure-7": replace(FIGURES["learning-curves"], methods=ABLATIONS),
     }
 )
 """Figures of the paper, and the methods in them."""
 
-_Chosen = tuple[str, Kind, TaskSamples, Samples]
+_Chosen = tuple[str, FigureKind, TaskSamples, Samples]
 """A figure that is to be drawn: the name of its files, its kind, its task, and the samples in it."""
 
 
@@ -180,7 +180,7 @@ def draw_figures(
         raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
     chosen: list[_Chosen] = []
     for task in task_samples(results):
-        for name, kind in (PAPER if like else KINDS).items():
+        for name, kind in (PAPER if like else FIGURES).items():
             if samples := [sample for sample in task.samples if kind.shows(sample)]:
                 chosen.append((f"{task.task}-{name}", kind, task, samples))
     if not chosen:
@@ -199,11 +199,11 @@ def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     files = []
     for number, figure in enumerate(pages, start=1):
         caption(figure, _caption(task, kind, samples))
-        files += save(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
+        files += save_figure(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
     return files
 
 
-def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
+def _caption(task: TaskSamples, kind: FigureKind, samples: Samples) -> str:
     """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
     several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"

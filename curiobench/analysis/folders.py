@@ -33,7 +33,7 @@ def is_published(path: Path) -> bool:
     return not isfile(path / "config.json") and all(isfile(path / name) for name in PUBLISHED_FILES)
 
 
-def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
+def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
     """Run folders at a path with the run that a grid expects in each, and a line on each missing or foreign folder.
 
     Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.

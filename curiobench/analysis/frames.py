@@ -1,4 +1,4 @@
-"""Run folders and published sets as pandas frames. docs/frames.md says what each column means."""
+"""RunData folders and published sets as pandas frames. docs/frames.md says what each column means."""
 
 import functools
 import os
@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from curiobench.analysis.folders import GridRun, by_name, is_published, look
-from curiobench.analysis.options import variants
+from curiobench.analysis.folders import GridRun, by_name, find_runs, is_published
 from curiobench.analysis.rows import DTYPES
-from curiobench.analysis.runs import Run, read_head, with_rows, without_beginnings
+from curiobench.analysis.runs import RunData, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
+from curiobench.analysis.variants import variants
 from curiobench.errors import one_line
 from curiobench.methods.specs import BUILT_IN, canonical
 from curiobench.versions import PACKAGES
@@ -112,7 +112,7 @@ def read_results(
 _Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
 
 
-def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _Folder | str, bool]]:
+def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[RunData | _Folder | str, bool]]:
     """Runs of a published set, folders to read, and faults at a path, each with whether it is about the path itself.
 
     A folder in `seen` is left out.
@@ -127,7 +127,7 @@ def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _
         if path.is_dir() and is_published(path):
             published, folders, faults = read_set(path, every_goal), {}, []
         else:
-            published, (folders, faults) = [], look(path)
+            published, (folders, faults) = [], find_runs(path)
     except (ValueError, OSError) as error:
         yield str(error), True
         return
@@ -139,14 +139,14 @@ def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _
             yield (folder, expected), folder == path
 
 
-def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str], list[str]]:
+def _usable(read: Iterable[tuple[RunData | str, bool]]) -> tuple[list[RunData], list[str], list[str]]:
     """Runs that can be used, each once, and faults: about folders that were found, then about paths asked for.
 
     Complete runs are taken first, so that of two with the same config the complete one is kept.
     """
-    kept: dict[str, Run] = {}
+    kept: dict[str, RunData] = {}
     faults: tuple[list[str], list[str]] = ([], [])
-    for run, asked in sorted(read, key=lambda one: isinstance(one[0], Run) and not one[0].values["complete"]):
+    for run, asked in sorted(read, key=lambda one: isinstance(one[0], RunData) and not one[0].values["complete"]):
         if isinstance(run, str):
             faults[asked].append(run)
         elif run.evaluations is None and not run.fault:
@@ -161,7 +161,7 @@ def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str
     return list(kept.values()), *faults
 
 
-def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
+def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> RunData | str:
     """A run with its rows; without rows where it has a fault, or is partial and not wanted. Text where it is no run."""
     path, expected = folder
     try:
@@ -184,7 +184,7 @@ def _left_out(error: Exception) -> str:
     return f"{text}; left out"
 
 
-def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
+def _results(runs: Sequence[RunData], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
     texts = variants([run.decisive() for run in runs])
     order = sorted(zip(texts, runs, strict=True), key=_key)
     runs = [run for _, run in order]
@@ -202,7 +202,7 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
     )
 
 
-def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
+def _key(named: tuple[str, RunData]) -> tuple[Any, ...]:
     """Sort key of a run and its variant."""
     variant, run = named
     return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)

@@ -11,11 +11,11 @@ import pandas as pd
 
 from curiobench.analysis.formats import MISSING, number_and_interval
 from curiobench.analysis.frames import Results
-from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.analysis.style import count, seeds_in_words
 from curiobench.analysis.tables import Column, Estimate, Table, Value
+from curiobench.analysis.variants import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.options import flatten
 from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
@@ -25,7 +25,7 @@ MOST_NAMES = 3  # names in a sentence, before it only counts
 MOST_CARDS = 100  # goals of the largest task with a card for each goal; four blocks have hundreds
 BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 """Blocks, and the colours of their fronts in the pictures."""
-ENVIRONMENT = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
+SOFTWARE_AND_MACHINE = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
 """Columns of runs that are no options, but may decide numbers or costs."""
 
 Names = list[tuple[str, list[str]]]  # samples by name: tasks, and the methods and variants of each
@@ -172,7 +172,7 @@ def goal_cards(task: TaskSamples) -> dict[str, Any]:
         {
             "name": task.goals[goal],
             "layer": int(task.goal_layers[goal]),
-            "picture": _picture(task.bits[goal]),
+            "picture": _goal_picture(task.bits[goal]),
             "bars": [_bar(sample, goal) for sample in task.samples],
         }
         for goal in range(len(task.goals) if len(task.goals) <= MOST_CARDS else 0)
@@ -189,7 +189,7 @@ def _bar(sample: Sample, goal: int) -> dict[str, Any]:
 
 
 @cache
-def _picture(bits: str) -> str:
+def _goal_picture(bits: str) -> str:
     """Data URI of the picture of a goal, which docs/make_goal_pictures.py has drawn; "" where there is none."""
     if not set(bits) <= {"0", "1"}:
         return ""
@@ -197,7 +197,7 @@ def _picture(bits: str) -> str:
     return f"data:image/webp;base64,{base64.b64encode(file.read_bytes()).decode()}" if file.is_file() else ""
 
 
-def options(samples: Sequence[Sample]) -> dict[str, list]:
+def option_tables(samples: Sequence[Sample]) -> dict[str, list]:
     """Options, versions and machines: `shared` by all, names of the `differing` ones, and samples alike in these.
 
     Options under `machine`, which change no number, are left out. Settings of the curiosity methods are apart.
@@ -206,7 +206,7 @@ def options(samples: Sequence[Sample]) -> dict[str, list]:
     shared, differing = [], []
     for name in dict.fromkeys(name for own in values.values() for name in own):
         found = {own.get(name, MISSING) for own in values.values()}
-        if name in ENVIRONMENT and len(found) > 1:
+        if name in SOFTWARE_AND_MACHINE and len(found) > 1:
             found.discard(MISSING)  # not recorded, which is no difference
         shared.append((name, found.pop())) if len(found) == 1 else differing.append(name)
     settings = {s: _together([own.get("method_config") or {} for own in configs(s.runs)]) for s in samples}
@@ -223,7 +223,7 @@ def _values(runs: pd.DataFrame) -> dict[str, str]:
     """Every option of the runs of a sample, and what they ran on."""
     apart = (*RUN_OPTIONS, "machine", "method_config")
     found = _together([{name: v for name, v in config.items() if name not in apart} for config in configs(runs)])
-    return found | {name: _joined(filter(None, runs[name])) or MISSING for name in ENVIRONMENT}
+    return found | {name: _joined(filter(None, runs[name])) or MISSING for name in SOFTWARE_AND_MACHINE}
 
 
 def _together(options: Sequence[Mapping[str, Any]]) -> dict[str, str]:

@@ -50,7 +50,7 @@ def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) ->
         kept = _complete_evaluations(content) if tolerant else content
         dropped = "" if len(kept) == len(content) else f"{path}: its last evaluation is not all there, and left out"
         _check_header(kept, DTYPES)
-        return check(_parse_csv(kept, DTYPES, DTYPES), task, every_goal), dropped
+        return check_evaluations(_parse_csv(kept, DTYPES, DTYPES), task, every_goal), dropped
 
 
 @contextmanager
@@ -99,7 +99,7 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
         return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
 
 
-def check(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
+def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
     """The frames of one run from the rows of its evaluations.csv, with `every_goal` as for `read_evaluations`.
 
     Raises ValueError where a goal is missing, repeated or unknown, or a number is out of its range.

@@ -25,7 +25,7 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Run:
+class RunData:
     """A run. `read_head` gives one without rows, `with_rows` adds them."""
 
     path: Path  # run folder
@@ -61,20 +61,20 @@ def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in config.items() if name not in unused and value is not None}
 
 
-def without_beginnings(runs: Sequence[Run]) -> list[Run]:
+def without_beginnings(runs: Sequence[RunData]) -> list[RunData]:
     """The runs without those that a longer run of the same config repeats and continues."""
-    by_config: dict[str, list[Run]] = defaultdict(list)
+    by_config: dict[str, list[RunData]] = defaultdict(list)
     for run in runs:
         by_config[run.identity(epochs=0)].append(run)
     return [run for run in runs if not any(_begins(run, other) for other in by_config[run.identity(epochs=0)])]
 
 
-def _begins(run: Run, other: Run) -> bool:
+def _begins(run: RunData, other: RunData) -> bool:
     """Whether a run's rows, as means of layers, are the first rows of a longer run."""
     return len(run.layers) < len(other.layers) and run.layers.equals(other.layers[: len(run.layers)])
 
 
-def read_head(path: Path) -> Run:
+def read_head(path: Path) -> RunData:
     """A run without its rows.
 
     Raises ValueError where the folder holds no run, one of another format or version, or damaged files.
@@ -95,7 +95,7 @@ def read_head(path: Path) -> Run:
     values |= {"created": _text(record.get("created")), "command": _command(record), "config": json.dumps(config)}
     values |= {name: _text((result or {}).get(name)) for name in ("finished", "machine")}
     values |= {"method_sha256": _text(versions[0].get("method_sha256"))[:64]}
-    return Run(path, config, values, path / "config.json", result)
+    return RunData(path, config, values, path / "config.json", result)
 
 
 def columns_of(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,7 +167,7 @@ def _command(record: Mapping[str, Any]) -> str:
     return _text(" && ".join(map(shlex.join, lines)), limit=10_000)
 
 
-def with_rows(run: Run, every_goal: bool = True, progress: bool | Collection[str] = True) -> Run:
+def with_rows(run: RunData, every_goal: bool = True, progress: bool | Collection[str] = True) -> RunData:
     """A run by `read_head` with its rows; the other arguments are those of `read_evaluations` and `read_progress`.
 
     progress.csv of a partial run is always read, as nothing else has its cost. Raises ValueError, one line that names

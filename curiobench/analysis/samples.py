@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import Results, place_of
-from curiobench.analysis.options import scale_of
 from curiobench.analysis.statistics import area_under_curve
 from curiobench.analysis.style import line_styles
+from curiobench.analysis.variants import scale_of
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
 GOOD_SUCCESS = 0.8  # mean success over all goals; tables have the epochs until it is reached

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.canvas import import_matplotlib, settings
+from curiobench.analysis.canvas import import_matplotlib, matplotlib_settings
 from curiobench.methods.specs import BUILT_IN, canonical, split
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def theme() -> Iterator[None]:
         "text.parse_math": False,  # names of goals and options come from files
     }
     context = seaborn.plotting_context("paper")
-    with settings({**seaborn.axes_style("ticks"), **context, **ours}):
+    with matplotlib_settings({**seaborn.axes_style("ticks"), **context, **ours}):
         yield
 
 

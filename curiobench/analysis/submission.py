@@ -35,7 +35,7 @@ Fault = tuple[str, str]  # what is wrong, and the run in which it is; no run whe
 
 @dataclass(frozen=True)
 class Submission:
-    """Runs to examine."""
+    """Runs to apply_rules."""
 
     results: Results
     records: Mapping[str, Mapping[str, Any]]  # what config.json holds, by run
@@ -171,10 +171,10 @@ def _with_records(results: Results) -> Submission:
     return Submission(results, {run: read_json(file) for run, file in results.config_files.items()})
 
 
-def examine(runs: Submission, against: Reference) -> list[Finding]:
+def apply_rules(runs: Submission, against: Reference) -> list[Finding]:
     """Try every rule; where there is no run, all but the first are skipped."""
     if runs.results.runs.empty:
-        others = [Finding(property, "skip", "there is no run to examine") for property, _, _ in RULES[1:]]
+        others = [Finding(property, "skip", "there is no run to apply_rules") for property, _, _ in RULES[1:]]
         return [_finding(*RULES[0], runs, against), *others]
     return [_finding(*entry, runs, against) for entry in RULES]
 

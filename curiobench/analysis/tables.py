@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from curiobench.analysis.frames import Results
-from curiobench.analysis.options import cautions, hour_digits
 from curiobench.analysis.samples import DECIMALS, GOOD_SUCCESS, Sample, TaskSamples
 from curiobench.analysis.statistics import (
     ENOUGH_SEEDS,
@@ -20,6 +19,7 @@ from curiobench.analysis.statistics import (
     seed_warnings,
     stratified_bootstrap,
 )
+from curiobench.analysis.variants import cautions, hour_digits
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
 RARE = 100  # a chance of one in 100 or less gets no note

@@ -241,7 +241,9 @@ class CheckArguments:
     """Method spec, such as my_pkg.curiosity:Mine or rnd."""
 
 
-def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None) -> Arguments:
+def parse_arguments(
+    kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None
+) -> Arguments:
     """Read the arguments of a command.
 
     Args:

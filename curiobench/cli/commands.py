@@ -21,7 +21,7 @@ from curiobench.cli.arguments import (
     SubmitCheckArguments,
     TableArguments,
     VideoArguments,
-    parse,
+    parse_arguments,
 )
 from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra, one_line
 from curiobench.tasks.registration import check_name
@@ -236,7 +236,7 @@ def run(words: Sequence[str]) -> None:
 
         command.run(parse_train(words))
     else:
-        command.run(parse(command.arguments, name, words))
+        command.run(parse_arguments(command.arguments, name, words))
 
 
 def main() -> NoReturn:

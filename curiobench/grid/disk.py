@@ -25,7 +25,7 @@ class State(StrEnum):
     STOPPED = "stopped"
 
 
-def look(cell: Cell) -> tuple[State, str]:
+def cell_state(cell: Cell) -> tuple[State, str]:
     """State of a cell that this grid does not run, and the reason if it is a conflict."""
     if not (cell.path / "config.json").exists():
         return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""

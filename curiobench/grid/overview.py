@@ -33,7 +33,7 @@ _STYLES = {
 """Colours; the order decides which cells are shown where a terminal is too low for all."""
 
 
-class View:
+class GridView:
     """Shows what happens; the scheduler calls it."""
 
     def event(self, text: str) -> None:
@@ -53,7 +53,7 @@ class View:
         """Release the terminal."""
 
 
-class PlainView(View):
+class PlainGridView(GridView):
     """Lines with the time of day, for logs; a line on all cells every few minutes."""
 
     def __init__(self) -> None:
@@ -72,10 +72,10 @@ class PlainView(View):
     def show(self, statuses: Sequence[Status], slots: int) -> None:
         if time.monotonic() - self._reported >= REPORT_SECONDS:
             self._reported = time.monotonic()
-            self.event(summary(statuses, slots))
+            self.event(status_line(statuses, slots))
 
 
-class LiveView(View):
+class LiveGridView(GridView):
     """A table on the terminal, drawn at most once a second; messages are printed above it."""
 
     def __init__(self, console: Console | None = None) -> None:
@@ -104,9 +104,9 @@ class LiveView(View):
         self._drawn = time.monotonic()
 
 
-def view() -> View:
+def view() -> GridView:
     """The view for stdout: live on a terminal that can, else lines."""
-    return LiveView() if terminal.draws() else PlainView()
+    return LiveGridView() if terminal.draws() else PlainGridView()
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
@@ -125,7 +125,7 @@ def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
     for status in shown:
         table.add_row(*_cells_of_row(status, known))
     more = [Text(f"… and {len(rest)} more: {_counts(rest)}", style="dim")] if rest else []
-    return Group(table, *more, Text(summary(statuses, slots)))
+    return Group(table, *more, Text(status_line(statuses, slots)))
 
 
 def _cells_of_row(status: Status, known: Paces) -> list[Text | ProgressBar | str]:
@@ -142,7 +142,7 @@ def _cells_of_row(status: Status, known: Paces) -> list[Text | ProgressBar | str
     ]
 
 
-def summary(statuses: Sequence[Status], slots: int) -> str:
+def status_line(statuses: Sequence[Status], slots: int) -> str:
     """One line on all cells."""
     finished = sum(status.state is State.FINISHED for status in statuses)
     others = _counts([status for status in statuses if status.state is not State.FINISHED])

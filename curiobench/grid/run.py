@@ -8,9 +8,9 @@ from curiobench.cli.arguments import GridArguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest, pasted
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
-from curiobench.grid.disk import State, look
+from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
-from curiobench.grid.overview import View, summary, view
+from curiobench.grid.overview import GridView, status_line, view
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.status import Status
 
@@ -49,7 +49,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     print(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
 
 
-def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
+def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView) -> None:
     """Train cells and report faults; raises as `run_grid`."""
     with StopRequest() as stop:
         scheduler = Scheduler(cells, launcher, retries, view, stop)
@@ -63,7 +63,7 @@ def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: V
     faults = [status for status in statuses if status.state in (State.BROKEN, State.CONFLICT)]
     print("\n".join(map(_fault_line, faults)), end="\n" if faults else "")
     if stop.count:
-        raise Interrupted(f"{summary(statuses, slots)}; the same command continues", stop.number)
+        raise Interrupted(f"{status_line(statuses, slots)}; the same command continues", stop.number)
     if faults:
         raise RunFailed(f"{len(faults)} of {len(cells)} cells are not finished")
 
@@ -86,5 +86,5 @@ def _launcher(arguments: GridArguments, out: Path) -> Launcher:
 
 
 def _state(cell: Cell) -> str:
-    state, reason = look(cell)
+    state, reason = cell_state(cell)
     return f"{state}: {reason}" if reason else str(state)

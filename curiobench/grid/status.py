@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from statistics import fmean
 
 from curiobench.grid.cells import Cell
-from curiobench.grid.disk import Progress, ProgressReader, State, look
+from curiobench.grid.disk import Progress, ProgressReader, State, cell_state
 from curiobench.grid.launcher import Job, size_of
 
 OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
@@ -37,9 +37,9 @@ class Status:
         """How far the run has come."""
         return self.reader.progress
 
-    def look(self) -> State:
+    def refresh(self) -> State:
         """Read the state from the folder; only for a cell that this grid does not run now."""
-        self.state, self.reason = look(self.cell)
+        self.state, self.reason = cell_state(self.cell)
         self.reader.update()
         return self.state
 

@@ -20,7 +20,7 @@ REFERENCE_WORLDS = 32
 
 
 @dataclass(frozen=True)
-class Kind:
+class ScriptedEpisode:
     """A kind of scripted episode, about block a."""
 
     name: str
@@ -42,9 +42,9 @@ class Kind:
         return space.check(bits)
 
 
-KINDS = (
-    Kind("stack", "pick and stack", stack_two, stack_moments, stacks=True),
-    Kind("push", "push off the table", push_off_table, push_moments, stacks=False),
+SCRIPTED_EPISODES = (
+    ScriptedEpisode("stack", "pick and stack", stack_two, stack_moments, stacks=True),
+    ScriptedEpisode("push", "push off the table", push_off_table, push_moments, stacks=False),
 )
 
 
@@ -52,7 +52,7 @@ KINDS = (
 class Played:
     """Scripted episodes of one kind, in N worlds."""
 
-    kind: Kind
+    kind: ScriptedEpisode
     """Of the episodes."""
     episodes: Episodes
     """N of them; T steps each."""
@@ -81,7 +81,7 @@ def play_scripts(task: str, robot: str, starts: int, seed: int) -> list[Played]:
     if starts < 1:
         raise ValueError(f"starts is {starts}; it must be at least 1")
     source = np.random.SeedSequence(seed, spawn_key=(0,))
-    return [_play_script(kind, BatchedStacking(task, starts, robot, seed=source)) for kind in KINDS]
+    return [_play_script(kind, BatchedStacking(task, starts, robot, seed=source)) for kind in SCRIPTED_EPISODES]
 
 
 def reference_transitions(task: str, robot: str, seed: int) -> Batch:
@@ -125,7 +125,7 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
     }
 
 
-def _play_script(kind: Kind, worlds: BatchedStacking) -> Played:
+def _play_script(kind: ScriptedEpisode, worlds: BatchedStacking) -> Played:
     script, qpos = kind.script(), []
     seen = worlds.reset(goals=kind.goal(worlds.goal_space))
     episodes = _play(worlds, seen, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))

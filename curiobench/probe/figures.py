@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curiobench.analysis.canvas import new_figure, save
+from curiobench.analysis.canvas import new_figure, save_figure
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played
 from curiobench.probe.scores import ProbedRun, Reading, others
@@ -69,7 +69,7 @@ def draw_rewards(
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")
     _pictures(figure, axes, strip, played, moments)
-    return save(figure, path, ("png", "pdf"))
+    return save_figure(figure, path, ("png", "pdf"))
 
 
 def draw_q_int(
@@ -107,7 +107,7 @@ def draw_q_int(
     for axes, name in zip(panels[:, 0], Q_NAMES.values(), strict=True):
         axes.set_ylabel(name)
     _legend(figure, panels.flat)
-    return save(figure, path, ("png", "pdf"))
+    return save_figure(figure, path, ("png", "pdf"))
 
 
 def shade(axes: "Axes", played: Played) -> None:

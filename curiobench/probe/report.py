@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from curiobench.analysis.canvas import settings
+from curiobench.analysis.canvas import matplotlib_settings
 from curiobench.analysis.style import line_styles
 from curiobench.display import align
 from curiobench.files import writing_to
@@ -16,9 +16,9 @@ from curiobench.probe import Among
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
 from curiobench.probe.scores import (
+    ControllabilityScore,
     ProbedRun,
     Reading,
-    Score,
     controllability,
     open_runs,
     own_transitions,
@@ -74,7 +74,7 @@ def _references(runs: Sequence[ProbedRun], seed: int, among: Among) -> list[Batc
     return [reference_transitions(runs[0].config.task, runs[0].config.robot, seed)] * len(runs)
 
 
-@settings()
+@matplotlib_settings()
 def draw(
     runs: Sequence[ProbedRun],
     readings: Sequence[Sequence[Reading]],
@@ -94,7 +94,7 @@ def draw(
     return files
 
 
-def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
+def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilityScore]) -> str:
     """A line a run, the highest score first."""
     lines = [
         [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.mean)),
@@ -104,7 +104,7 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
     return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
 
 
-def _score_row(run: ProbedRun, score: Score, among: Among) -> dict[str, Any]:
+def _score_row(run: ProbedRun, score: ControllabilityScore, among: Among) -> dict[str, Any]:
     return {
         "method": shown(run.config.method),
         "run": str(run.path),

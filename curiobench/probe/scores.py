@@ -48,7 +48,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Score:
+class ControllabilityScore:
     """Mean normalised reward of controlled lifting less that of falling, in standard deviations of the reward."""
 
     mean: float
@@ -171,7 +171,7 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
     return torch.stack([run.agent.learner.curiosity.reward(batch)[0] for batch in batches])
 
 
-def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:
+def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> ControllabilityScore:
     """The score of a run, from its readings of both kinds of episodes, which have the same N starts.
 
     A start's score is the mean over its lifting steps less the mean over its falling steps, in whichever episode they
@@ -182,7 +182,7 @@ def controllability(readings: Sequence[Reading], played: Sequence[Played], seed:
     return score(normalised, lifts, falls, seed)
 
 
-def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> Score:
+def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> ControllabilityScore:
     """The score from normalised rewards, and which steps are lifting and falling, all (N, S).
 
     The bootstrap resamples starts, so that its interval says how much the choice of starts matters, and no more.
@@ -197,4 +197,4 @@ def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: in
     drawn = np.random.default_rng(seed).integers(len(differences), size=(RESAMPLES, len(differences)))
     low, high = np.percentile(differences[drawn].mean(axis=1), (2.5, 97.5))
     means = (float(x) for x in (differences.mean(), low, high, of_lifts.mean(), of_falls.mean()))
-    return Score(*means, len(differences))
+    return ControllabilityScore(*means, len(differences))

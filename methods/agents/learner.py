@@ -22,7 +22,7 @@ from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
 
 LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
-Pair = tuple[Tensor, Tensor]
+TensorPair = tuple[Tensor, Tensor]
 
 
 class Step(NamedTuple):
@@ -32,9 +32,11 @@ class Step(NamedTuple):
     inputs: PairInputs  # before the step
     next_inputs: PairInputs  # after it
     next_noise: Tensor  # (B, A) standard normal, for the next actions
-    sample: Pair | None  # actions (P, B, A) and log-densities (P, B), with gradients; None where only the critics learn
+    sample: (
+        TensorPair | None
+    )  # actions (P, B, A) and log-densities (P, B), with gradients; None where only the critics learn
     transitions: Transitions | None  # which the curiosity method sees; None without one, like the next
-    intrinsic: Pair | None  # r_int (B,), raw and z-scored
+    intrinsic: TensorPair | None  # r_int (B,), raw and z-scored
 
     def actions(self, first: int = 0) -> Tensor:
         """(K, B, A): the stored actions and, if there is a sample, those of the policies from the `first` on."""
@@ -158,7 +160,7 @@ class Learner:
             raise ValueError("this agent has no curiosity method")
         return self.curiosity
 
-    def view(self, batch: Batch, policies: Pair, sample: Pair) -> PolicyView | None:
+    def view(self, batch: Batch, policies: TensorPair, sample: TensorPair) -> PolicyView | None:
         """What the policy that explores does in a batch, if the method asks; from mean, log-std and a sample (P, …)."""
         if not self.shows_policy:
             return None
@@ -166,7 +168,7 @@ class Learner:
         stored, desired = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
         return view_policy((mean[-1], log_std[-1]), (action[-1], log_prob[-1]), stored, desired)
 
-    def transitions(self, batch: Batch, states: Pair, epoch: int, view: PolicyView | None) -> Transitions:
+    def transitions(self, batch: Batch, states: TensorPair, epoch: int, view: PolicyView | None) -> Transitions:
         """What the curiosity method sees, from states (B, D) before and after the step; ValueError without one."""
         return self.required_curiosity.transitions(states, batch, epoch, view, self.encoder.normalise)
 
