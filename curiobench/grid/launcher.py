@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -61,6 +62,12 @@ def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
     log.write(utf8(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n"))
     return log
+
+
+def log_failure(path: Path, reason: str) -> None:
+    """Write why a cell cannot be started to its log, if that can be written."""
+    with suppress(OSError), open(path, "a", encoding="utf-8") as log:
+        log.write(f"curiobench: {reason}\n")
 
 
 def tail(path: Path, start: int, lines: int = 6) -> list[str]:

@@ -7,11 +7,10 @@ and waits for the job instead of submitting another.
 import os
 import signal
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM, train_in_worker
+from curiobench.grid.launcher import LOST, PROGRAM, log_failure, train_in_worker
 
 OPTIONS = (
     "account", "comment", "constraint", "cpus_per_task", "dependency", "exclude", "gpus_per_node", "gres", "mail_type",
@@ -46,8 +45,7 @@ class SlurmJob:
         if not self._job.paths.result_pickle.exists():
             return LOST
         if error := self._job.exception():
-            with suppress(OSError), open(self._log, "a", encoding="utf-8") as log:
-                log.write(f"curiobench: the job cannot start the cell: {error}\n")
+            log_failure(self._log, f"the job cannot start the cell: {error}")
             return 1
         code = self._job.result()
         stopped = (128 + signal.SIGINT, 128 + signal.SIGTERM)  # after a checkpoint: time was up, or it was preempted
