@@ -132,8 +132,8 @@ def outline(value: object) -> str:
     return f"a {value.dtype} tensor of shape {tuple(value.shape)}{gradients}"
 
 
-def looks_at_values(tensor: Tensor, update: int) -> bool:
-    """Whether this update may wait for a tensor's values."""
+def checks_values(tensor: Tensor, update: int) -> bool:
+    """Whether values are checked at this update; reading them from a GPU makes it wait."""
     return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
 
 
