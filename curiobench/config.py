@@ -58,16 +58,16 @@ def _check_at_least(config: Any, least: int, *names: str) -> None:
 
 @dataclass(frozen=True)
 class MachineConfig:
-    """How this machine does the work. Nothing here changes a number, so a resumed run may change it."""
+    """Options of this machine. They change no number, so a resumed run may have others."""
 
     threads: int = 1
     """Threads that step the worlds."""
     checkpoint_every: int = 1
-    """Epochs between checkpoints. A killed run repeats what came after its last one."""
+    """Epochs between checkpoints. A killed run repeats the work after its last checkpoint."""
     replay_on_disk: bool = False
     """Keep the replay in memory-mapped files in the run folder instead of in memory."""
     keep_replay: bool = False
-    """Keep the checkpoint's replay when the run is finished, so that it can be made longer, or probed among its own
+    """Keep the checkpoint's replay when the run is finished, so that it can be lengthened, or probed among its own
     transitions."""
     track: str | None = None
     """Trackers that get the rows of progress.csv, comma-separated: tensorboard, wandb, mlflow (each needs the extra of
@@ -86,7 +86,7 @@ class MachineConfig:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that decides the numbers of a run."""
+    """All options of a run."""
 
     task: str = "stack3"
     """Task; `curiobench list` shows them all."""
@@ -102,18 +102,18 @@ class RunConfig:
     epochs: int = 500
     """Epochs of training."""
     cycles: int = 50
-    """Cycles an epoch. A cycle collects worlds × rollouts episodes, then makes its gradient updates."""
+    """Cycles per epoch. A cycle collects worlds × rollouts episodes, then makes its gradient updates."""
     worlds: int = 16
     """Worlds that are stepped together."""
     rollouts: int = 2
-    """Episodes a cycle in each world, one after the other."""
+    """Episodes per cycle in each world, one after the other."""
     updates: int = 30
-    """Gradient updates a cycle."""
+    """Gradient updates per cycle."""
     batch_size: int = 4096
-    """Transitions a gradient update."""
+    """Transitions per gradient update."""
     starts: StartsName = "biased"
-    """Where training episodes start: biased towards stacks and held blocks, or always plain, blocks spread on the
-    table, which makes exploration hard. Test episodes start plain in any case."""
+    """Starts of training episodes: biased (some have stacks or a held block) or plain (all blocks apart on the table,
+    which makes exploration hard). Test episodes always have plain starts."""
     biased_from_epoch: int = 80
     """First epoch, counted from 0, of biased starts."""
     curriculum: CurriculumName = "reached"
@@ -121,11 +121,11 @@ class RunConfig:
     them near the start (near). A method such as decstr has its own."""
 
     schedule_epochs: int = PAPER_EPOCHS
-    """Epochs in which a method passes through a schedule that the paper gives in epochs of its 500, such as MI's
-    lambda; longer runs go on beyond it."""
+    """Number of epochs that count as the paper's 500 in schedules of methods, such as MI's lambda; schedules of longer
+    runs go on beyond it."""
 
     evaluate_every: int = 5
-    """Epochs between evaluations; there is one before training and one after the last epoch in any case."""
+    """Epochs between evaluations. There is always one before training and one after the last epoch."""
     episodes_per_goal: int = 25
     """Test episodes of every goal in an evaluation."""
 

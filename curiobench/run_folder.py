@@ -114,12 +114,12 @@ class RunFolder(AbstractContextManager):
         if finished and not self.replay.is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
-                "made longer"
+                "lengthened"
             )
         tested = [int(row["epoch"]) for row in read_rows(self.path / "evaluations.csv")]
         if tested and tested[-1] % begun.evaluate_every:
             raise ValueError(
-                f"{self.path} cannot be made longer: it was tested after epoch {tested[-1]}, where a longer run with "
+                f"{self.path} cannot be lengthened: it was evaluated after epoch {tested[-1]}, where a longer run with "
                 f"evaluate_every {begun.evaluate_every} is not"
             )
         record = read_record(self.path)

@@ -24,10 +24,10 @@ class ListArguments:
 
 @dataclass(frozen=True)
 class GridArguments:
-    """Train tasks × methods × seeds, a run folder each, several at a time. Give the same command again to continue.
+    """Train tasks × methods × seeds, one run folder each, several at a time. Give the same command again to continue.
 
-    Finished cells are skipped; broken ones are reported, tried again, and stop no other. Ctrl-C ends every cell after
-    a checkpoint. Several grids may work in one folder at once, each on cells of its own.
+    Finished cells are skipped. Broken ones are reported and tried again; the others go on. Ctrl-C ends every cell after
+    a checkpoint. Several grids may work in one folder at once, each on its own cells.
     """
 
     out: Path
@@ -65,9 +65,9 @@ class GridArguments:
 
 @dataclass(frozen=True)
 class EvaluateArguments:
-    """Test the agent of a run's newest checkpoint on every goal, from plain starts, by its deterministic policy.
+    """Evaluate the agent of a run's newest checkpoint on every goal, from plain starts, with its deterministic policy.
 
-    The run may still be training. With the run's own number of episodes the starts are those of its evaluations.
+    The run may still be training. With the run's own number of episodes, starts are those of its evaluations.
     """
 
     run: tyro.conf.Positional[Path]
@@ -84,7 +84,7 @@ class EvaluateArguments:
 
 @dataclass(frozen=True)
 class VideoArguments:
-    """Film the agent of a run's newest checkpoint while it pursues a goal, (needs the extra `video`)."""
+    """Make a video of the agent of a run's newest checkpoint pursuing a goal (needs the extra `video`)."""
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
@@ -103,9 +103,9 @@ class VideoArguments:
 
 @dataclass(frozen=True)
 class TableArguments:
-    """Show what methods learned: learned goals, success and cost, with a row a task and method, over its seeds.
+    """Print learned goals, success and cost by task and method, over seeds.
 
-    A single run folder gives a line on that run. What each number means: docs/results.md in the repository.
+    A single run folder gives a line about that run. docs/results.md in the repository explains the numbers.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -119,16 +119,16 @@ class TableArguments:
     out: Path | None = None
     """Folder to write the tables to, in every format; files of the same names are replaced."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Count runs that are not finished, as far as they are."""
+    """Also count runs that are not finished."""
     each_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Show a line a run, finished or not."""
+    """Show a line per run, finished or not."""
 
 
 @dataclass(frozen=True)
 class FigureArguments:
     """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
 
-    Each task has its own files, in which a method keeps its colour. What each shows: docs/figures.md in the repository.
+    Each task has its own files. A method has the same colour in all. docs/figures.md in the repository explains them.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -138,7 +138,7 @@ class FigureArguments:
     like: str | None = None
     """"paper" draws only the paper's Figures 4, 6C and 7."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Take runs that are not finished, too."""
+    """Also use runs that are not finished."""
     format: str = "pdf,png"
     """File formats, comma-separated: pdf, png, svg."""
 
@@ -147,7 +147,7 @@ class FigureArguments:
 class ReportArguments:
     """Write one HTML page about runs: tables that sort, figures, every goal with its picture, options, commands.
 
-    The page needs no network and no other file: it can be sent, kept or printed as it is.
+    The page needs no network and no other file.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -157,7 +157,7 @@ class ReportArguments:
     title: str | None = None
     """Title of the page; by default it names the tasks."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Take runs that are not finished, too."""
+    """Also use runs that are not finished."""
     baseline: str | None = None
     """Method that the others are compared with; by default sac, where there are runs of it."""
 
@@ -166,8 +166,8 @@ class ReportArguments:
 class PublishArguments:
     """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
 
-    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
-    the place of what it was before. A README and other files that stand in the folder are kept.
+    Writes nothing if a run is missing, broken, partial, a duplicate or foreign. A lengthened run replaces its shorter
+    version. A README and other files in the folder are kept.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -177,15 +177,15 @@ class PublishArguments:
     allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also take runs of altered code, or of code whose commit is not known."""
     replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also where runs of the set that is there would be lost or get other numbers."""
+    """Also replace an existing set if runs in it would be lost or get other numbers."""
 
 
 @dataclass(frozen=True)
 class SubmitCheckArguments:
-    """Examine whether runs can stand beside published ones: same tasks, test episodes and options, whole and enough.
+    """Check whether runs are comparable with published ones: same tasks, test episodes and options, enough seeds.
 
-    A line a property, which begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
-    little); below it what was found.
+    Prints a line per rule, which begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
+    little), and details below it.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -197,9 +197,9 @@ class SubmitCheckArguments:
 
 @dataclass(frozen=True)
 class ProbeArguments:
-    """Show what curiosity thinks of scripted episodes: figures, numbers, and a controllability score a run.
+    """Compute intrinsic rewards along scripted episodes: figures, numbers, and a controllability score per run.
 
-    Reads the newest checkpoints; the runs may still be training. All must be of one task and robot.
+    Reads the newest checkpoints; the runs may still be training. All runs have to be of one task and robot.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -214,8 +214,8 @@ class ProbeArguments:
     """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
     training (only while it lasts: see --machine.keep-replay)."""
     as_of_epoch: int | None = None
-    """Tell methods another epoch, of the paper's 500, than their checkpoint's: what would MI's growing weight of
-    conservativeness change?"""
+    """Epoch that methods get instead of their checkpoint's, on the paper's scale of 500. It changes MI's weight of
+    conservativeness."""
     method: tuple[str, ...] = ()
     """The runs' methods that are from outside: naming them allows importing them."""
 
@@ -232,9 +232,9 @@ class NewMethodArguments:
 
 @dataclass(frozen=True)
 class CheckArguments:
-    """Examine whether a curiosity method keeps the benchmark's rules, a line a property.
+    """Check whether a curiosity method keeps the benchmark's rules, and print a line per rule.
 
-    Each begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
+    A line begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
     """
 
     method: tyro.conf.Positional[str]

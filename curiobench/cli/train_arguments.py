@@ -29,7 +29,7 @@ class TrainArguments:
     config: Annotated[RunConfig, tyro.conf.arg(name="")]
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in this folder, with its own config; begin one if there is none yet. With more --epochs than it
-    was begun with, it is made longer."""
+    was begun with, it is lengthened."""
 
 
 def parse_train(arguments: Sequence[str]) -> TrainArguments:

@@ -39,7 +39,7 @@ def cell_state(cell: Cell) -> tuple[State, str]:
         if begun.epochs == cell.config.epochs:
             return State.FINISHED, ""
         if not (cell.path / REPLAY).is_dir():
-            return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay kept to be made longer from"
+            return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay, so it cannot be lengthened"
     return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
 
 

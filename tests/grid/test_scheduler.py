@@ -98,7 +98,7 @@ def test_a_shorter_run_is_extended_where_its_replay_is_kept(cells):
     write_json(cell.path / "config.json", {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": shorter})
     assert cell_state(cell) == (State.WAITING, "")
     write_json(cell.path / "result.json", {"epochs": 3})
-    assert cell_state(cell) == (State.CONFLICT, f"{cell.path} has 3 epochs and no replay kept to be made longer from")
+    assert cell_state(cell) == (State.CONFLICT, f"{cell.path} has 3 epochs and no replay, so it cannot be lengthened")
     (cell.path / REPLAY).mkdir(parents=True)
     assert cell_state(cell) == (State.WAITING, "")
     with _lock(cell.path / ".lock"):

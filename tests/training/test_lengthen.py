@@ -1,4 +1,4 @@
-"""A run made longer has the rows of one that was as long from the start, whenever it was stopped."""
+"""A lengthened run has the rows of one that was as long from the start, whenever it was stopped."""
 
 import shutil
 from dataclasses import replace
