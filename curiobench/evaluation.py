@@ -131,7 +131,8 @@ def learned_by_layer(evaluation: Sequence[Mapping[str, Any]]) -> Layers:
 def format_layers(layers: Layers) -> str:
     """Table of learned goals by layer and in total, as text."""
     lines = [[str(layer), *map(str, counts)] for layer, counts in layers.items()]
-    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
+    totals = map(sum, zip(*layers.values(), strict=True))
+    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, totals)]], left=1)
 
 
 def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
@@ -148,8 +149,3 @@ def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
         for row in evaluation
     ]
     return align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
-
-
-def _total(layers: Layers) -> tuple[int, int]:
-    learned, goals = zip(*layers.values(), strict=True)
-    return sum(learned), sum(goals)

@@ -25,12 +25,12 @@ MAP = "YlGnBu"  # darker is better, in grey too
 
 @dataclass(frozen=True)
 class Metric:
-    """A number that a run is summed up by."""
+    """A number per run, such as final success."""
 
     title: str
     of: Callable[[Sample], np.ndarray]  # the number of each seed (S,) of a sample
     top: float = 1.0  # largest value there can be
-    untrained: float | None = None  # its value before training, where that is drawn
+    untrained: float | None = None  # value before training, drawn as a dotted line
 
 
 def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
@@ -61,7 +61,7 @@ def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
 
 
 def _dots(axes: "Axes", samples: Sequence[Sample], score: Metric) -> None:
-    """A row a sample: its mean and interval, and below them its seeds, side by side where they are equal."""
+    """A row per sample: mean and interval, and below them the seeds; equal ones are below each other."""
     names, looks = labels(samples), styles(samples)
     for row, sample in enumerate(samples):
         values, look = score.of(sample), looks[sample] | {"linestyle": "", "clip_on": False}

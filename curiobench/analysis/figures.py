@@ -1,4 +1,4 @@
-"""`curiobench figure`: every figure of a set of runs, as files, and what is drawn in each."""
+"""`curiobench figure`: draws the figures of a set of runs to files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ def draw_learned(task: TaskSamples, samples: Samples) -> list["Figure"]:
 
 
 def draw_profile(task: TaskSamples, samples: Samples) -> list["Figure"]:
-    """Share of goals and seeds whose final success is above τ, over τ; a seed's goals are resampled together."""
+    """Share of goals and seeds with a final success above τ, over τ; a seed's goals are resampled together."""
 
     def profile(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
         return THRESHOLDS, np.stack([performance_profile(seed[None], THRESHOLDS) for seed in sample.goal_success])
@@ -63,13 +63,13 @@ draw_bonus = partial(_draw_logged, column="bonus_spread", name=r"spread of $\tau
 
 
 def thinned(epochs: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most `MOST_POINTS` of the epochs (E,) and values (S, E), evenly spread, first and last among them."""
+    """At most `MOST_POINTS` of the epochs (E,) and values (S, E), evenly spaced, with the first and the last."""
     kept = np.unique(np.linspace(0, len(epochs) - 1, min(len(epochs), MOST_POINTS)).round().astype(int))
     return epochs[kept], values[:, kept]
 
 
 def _epochs(task: TaskSamples, y: str) -> Axis:
-    """An x axis of epochs, with environment steps where an epoch has as many in all runs."""
+    """An x axis of epochs, with environment steps if all runs have the same number per epoch."""
     if task.steps_per_epoch is None:
         return Axis("epoch", y)
     millions = task.steps_per_epoch / 1e6
@@ -89,7 +89,7 @@ class FigureKind:
     caption: str  # what it shows, in the figure itself
     in_report: str  # what it shows, below it in a report
     seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
-    """How the seeds are in it, where there are several."""
+    """The sentence on seeds, if there are several."""
     methods: tuple[str, ...] | None = None  # methods in it; None for all
     column: str | None = None  # column of progress.csv that it draws; only methods that have it are in it
 
@@ -166,13 +166,13 @@ def draw_figures(
     """Draw the figures of each task; files of the same names are replaced.
 
     Args:
-        results: the runs. Partial ones among them are drawn up to the last evaluation that all runs of the method have.
-        out: folder of the files, which is made.
-        like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them; None everything of all methods.
+        results: the runs. Partial ones are drawn up to the last evaluation that all runs of the method have.
+        out: folder of the files; created if it does not exist.
+        like: "paper" draws the paper's Figures 4, 6C and 7 with their methods; None draws all figures of all methods.
         formats: some of `FORMATS`.
-        processes: how many draw side by side, where the system can fork; the files do not depend on it.
+        processes: number of processes that draw, if the system can fork; the files do not depend on it.
 
-    Returns the files. Raises ValueError on nothing to draw, an unknown format or `like`, or where it cannot write.
+    Returns the files. Raises ValueError if there is nothing to draw, `formats` or `like` is unknown, or writing fails.
     """
     if like not in (None, "paper"):
         raise ValueError(f"like is {like!r}; it can be 'paper'")
@@ -204,7 +204,7 @@ def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
 
 
 def _caption(task: TaskSamples, kind: FigureKind, samples: Samples) -> str:
-    """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
+    """The caption: what is drawn, the scale of the runs, seeds, and full specs of methods named by their class."""
     several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"
     if partial_runs := count_partial(task.runs):

@@ -1,4 +1,4 @@
-"""What a report's template shows: a summary in sentences, tables, goals, options and runs, all from samples."""
+"""Data for the template of a report: summary sentences, tables, goals, options and runs."""
 
 import base64
 import math
@@ -26,7 +26,7 @@ MOST_CARDS = 100  # goals of the largest task with a card for each goal; four bl
 BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 """Blocks, and the colours of their fronts in the pictures."""
 SOFTWARE_AND_MACHINE = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
-"""Columns of runs that are no options, but may decide numbers or costs."""
+"""Columns of runs that are not options, but can affect numbers or costs."""
 
 Names = list[tuple[str, list[str]]]  # samples by name: tasks, and the methods and variants of each
 
@@ -46,7 +46,7 @@ def _capital(text: str) -> str:
 
 
 def sentences(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
-    """What was run and what came of it."""
+    """Sentences on what was run, and on the outcome."""
     what = [part for task in tasks for part in (_what(task), _capital(task.scale))]
     return [*what, _when(results.runs), *(part for task in tasks for part in _outcome(task))]
 
@@ -76,7 +76,7 @@ def _when(runs: pd.DataFrame) -> str:
 
 
 def _outcome(task: TaskSamples) -> list[str]:
-    """Which methods have learned most goals, and fewest."""
+    """Sentences on the methods with the most and the fewest learned goals."""
     means = {sample.label: float(sample.last_learned[:, 0].mean()) for sample in task.samples}
     most, fewest = max(means.values()), min(means.values())
     sizes = [sample.n_seeds for sample in task.samples]
@@ -94,7 +94,7 @@ def _outcome(task: TaskSamples) -> list[str]:
 
 
 def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
-    """Why the numbers may show less than they seem to; lines without a full stop."""
+    """Warnings about the comparison; lines without a full stop."""
     by_task = {task.task: seed_warnings([(s.label, s.n_seeds) for s in task.samples]) for task in tasks}
     found, *others = by_task.values()
     if any(lines != found for lines in others):
@@ -167,7 +167,7 @@ def _look(sample: Sample) -> str:
 
 
 def goal_cards(task: TaskSamples) -> dict[str, Any]:
-    """The goals of a task, each with its picture and how often every method reaches it; none if there are too many."""
+    """The goals of a task with their pictures and each method's success; no cards if there are too many goals."""
     cards = [
         {
             "name": task.goals[goal],
@@ -198,9 +198,10 @@ def _goal_picture(bits: str) -> str:
 
 
 def option_tables(samples: Sequence[Sample]) -> dict[str, list]:
-    """Options, versions and machines: `shared` by all, names of the `differing` ones, and samples alike in these.
+    """Options, versions and machines: `shared` ones, names of `differing` ones, and samples grouped by the values of
+    these.
 
-    Options under `machine`, which change no number, are left out. Settings of the curiosity methods are apart.
+    Options under `machine`, which affect no number, are left out. Settings of the curiosity methods are separate.
     """
     values = {sample: _values(sample.runs) for sample in samples}
     shared, differing = [], []
@@ -227,7 +228,7 @@ def _values(runs: pd.DataFrame) -> dict[str, str]:
 
 
 def _together(options: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Options by the names that the command line gives them, with all values that differ."""
+    """Options by dotted name, with all different values."""
     flat = [flatten(own) for own in options]
     names = dict.fromkeys(name for own in flat for name in own)
     return {name: _joined(own.get(name, MISSING) for own in flat) for name in names}
@@ -263,7 +264,7 @@ _TITLES |= {"created": "begun"}
 
 
 def run_rows(samples: Sequence[Sample]) -> list[dict[str, Any]]:
-    """What each run is, what it cost, and the command that made it, for the template; by sample and seed."""
+    """Identity, cost and command of each run, for the template; by sample and seed."""
     return [
         _run_row(values | {"method": sample.label})
         for sample in samples

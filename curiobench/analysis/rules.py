@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import IDENTITY
+from curiobench.analysis.style import count
 from curiobench.analysis.submission import (
     Fault,
     Reference,
@@ -50,8 +51,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
     """
     compared, runs = reference(against), read_submission(paths)
     methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
-    number = f"{len(runs.records)} run{'s' * (len(runs.records) != 1)}"
-    return f"{number} of {methods}, compared with {compared.name}", apply_rules(runs, compared)
+    return f"{count(len(runs.records), 'run')} of {methods}, compared with {compared.name}", apply_rules(runs, compared)
 
 
 @rule("every folder holds one whole run")

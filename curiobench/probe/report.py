@@ -11,7 +11,7 @@ from curiobench.display import align
 from curiobench.files import writing_to
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.reward import Batch
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
@@ -106,7 +106,7 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilitySco
 
 def _score_row(run: ProbedRun, score: ControllabilityScore, among: Among) -> dict[str, Any]:
     return {
-        "method": shown(run.config.method),
+        "method": display_name(run.config.method),
         "run": str(run.path),
         "epoch": run.epoch,
         "among": among,
@@ -131,7 +131,8 @@ def _number_rows(
                 values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
                 values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
                            for name in MEMBERS}  # fmt: skip
-                yield {"method": shown(run.config.method), "run": str(run.path), "epoch": run.epoch} | row | values
+                of_run = {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch}
+                yield of_run | row | values
 
 
 def _step_rows(played: Played) -> Iterator[dict[str, Any]]:

@@ -14,7 +14,7 @@ from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.guard import MethodError
 from curiobench.methods.reward import Batch
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.probe.episodes import Played, transitions
 from curiobench.probe.steps import falling, lifting
 from curiobench.saved_agent import SavedRun, load_saved
@@ -97,7 +97,7 @@ def open_runs(
     notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
         raise ValueError("; ".join(notes))
-    specs = [shown(run.config.method) for run in curious]
+    specs = [display_name(run.config.method) for run in curious]
     labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
     if as_of_epoch is not None:
         notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
