@@ -198,8 +198,7 @@ def _goal_picture(bits: str) -> str:
 
 
 def option_tables(samples: Sequence[Sample]) -> dict[str, list]:
-    """Options, versions and machines: `shared` ones, names of `differing` ones, and samples grouped by the values of
-    these.
+    """Options, versions and machines: `shared` values, names of `differing` ones, and samples grouped by these.
 
     Options under `machine`, which affect no number, are left out. Settings of the curiosity methods are separate.
     """

@@ -1,4 +1,4 @@
-"""The cells of a grid: what each trains, by which command, in which folder. grid.json lists them for tables."""
+"""The cells of a grid: config, command and folder of each. grid.json lists them for tables."""
 
 import fcntl
 import re
@@ -60,7 +60,7 @@ class Cell:
 
 
 def cells_of(grid: Grid, out: Path) -> list[Cell]:
-    """All cells, those of the first seed first: what a grid has after a third of its time can be compared already.
+    """All cells, ordered by seed, so that methods can be compared before the grid is finished.
 
     Raises ValueError where a task, method or option is wrong; one line that says which.
     """
@@ -101,7 +101,7 @@ def folder_name(method: str) -> str:
 
 
 def _check_names(options: Options) -> None:
-    """See that options exist. Not left to the parser alone, which knows flags that are no options, such as --help."""
+    """Check that options exist. The parser also accepts flags that are not options, such as --help."""
     own = (*_OWN, *_AXES_OF_ALL, "method_config")
     fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
     legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))

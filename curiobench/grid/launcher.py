@@ -23,7 +23,7 @@ ONE_THREAD = {
 """Environment of a cell: libraries otherwise start a thread a core in every one of them."""
 
 _POLL_SECONDS = 0.2
-"""Between two looks of a worker at its training process."""
+"""Interval at which a worker polls its training process."""
 
 _TETHER = Path(__file__).with_name("tether.py")
 

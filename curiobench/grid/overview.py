@@ -1,4 +1,4 @@
-"""What a grid shows while it works: a row a cell on a terminal, a line a change elsewhere."""
+"""Output of a running grid: a row per cell on a terminal, otherwise a line per change."""
 
 import time
 from collections import Counter
@@ -17,9 +17,9 @@ from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
 REFRESH_SECONDS = 1.0
-"""Between two drawings of the live rows, which take milliseconds of a core that a cell could use."""
+"""Interval between redraws of the live rows."""
 REPORT_SECONDS = 300.0
-"""Between two lines on the grid's progress where there is no terminal."""
+"""Interval between lines about progress if there is no terminal."""
 
 _STYLES = {
     State.RUNNING: "cyan",
@@ -30,7 +30,7 @@ _STYLES = {
     State.WAITING: "dim",
     State.FINISHED: "green",
 }
-"""Colours; the order decides which cells are shown where a terminal is too low for all."""
+"""Colours by state. If a terminal has too few lines for all cells, the first states are shown."""
 
 
 class GridView:
@@ -41,7 +41,7 @@ class GridView:
         raise NotImplementedError
 
     def started(self, status: Status) -> None:
-        """A cell's process has been started."""
+        """Called when a cell's process has been started."""
 
     def ended(self, status: Status) -> None:
         """A cell is finished, stopped, in conflict, or taken by another process."""
@@ -105,12 +105,12 @@ class LiveGridView(GridView):
 
 
 def view() -> GridView:
-    """The view for stdout: live on a terminal that can, else lines."""
+    """The view for stdout: live on a capable terminal, otherwise lines."""
     return LiveGridView() if terminal.draws() else PlainGridView()
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
-    """A row a cell, as many as fit in `height` lines, the rest counted, and a line on the grid."""
+    """A row per cell, as many as fit in `height` lines, a count of the rest, and a line on the grid."""
     room = max(1, height - 4)
     shown, rest = list(statuses), []
     if len(statuses) > room:

@@ -1,4 +1,4 @@
-"""`curiobench grid`, top to bottom: read the definition, choose the launcher, train, report."""
+"""`curiobench grid`: read the definition, choose the launcher, train, report."""
 
 import shlex
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         command: the command line, for the record.
 
     Raises:
-        ValueError: nothing was begun: a task, method, option, file or number is wrong; one line.
+        ValueError: before any start: a task, method, option, file or number is wrong; one line.
         RunFailed: cells stay broken or in conflict; each has been reported.
         Interrupted: on Ctrl-C or SIGTERM, after the checkpoints of all cells.
     """

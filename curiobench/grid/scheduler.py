@@ -14,15 +14,15 @@ from curiobench.grid.status import OPEN, Status
 from curiobench.run_folder import is_locked
 
 POLL_SECONDS = 0.5
-"""Between two looks at the processes; a cell takes minutes to days."""
+"""Interval at which processes are polled; a cell takes minutes to days."""
 ELSEWHERE_SECONDS = 5.0
-"""Between two looks at cells that another process trains."""
+"""Interval at which cells of other processes are read."""
 _TAKEN = "is already running"
-"""Part of the message of `train` where another process was first."""
+"""Part of the message of `train` if another process uses the folder."""
 
 
 class Scheduler:
-    """The loop. It reads the folder of a cell before each start, as other grids may work there."""
+    """The loop of a grid. It reads a cell's folder before each start, because other grids may work there."""
 
     def __init__(
         self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView, stop: StopRequest,
@@ -45,7 +45,7 @@ class Scheduler:
         self._signals_passed_on = 0
 
     def run(self) -> None:
-        """Until no cell is left, or until the cells have ended after a stop request."""
+        """Train until no cell is left, or until all cells have ended after a stop request."""
         for status in self.statuses:
             self._refresh(status)
         try:
@@ -108,7 +108,7 @@ class Scheduler:
                 self._ended(status, code)
 
     def _ended(self, status: Status, code: int) -> None:
-        """Decide what follows for a cell whose process has ended, by its folder."""
+        """Set the state of a cell whose process has ended from its folder, and queue it if it is to be tried again."""
         lines = tail(status.cell.log, status.log_start)
         if code == LOST and not self._stop.count:
             self._view.event(f"{status.cell.folder}: {_cause(code)}")

@@ -18,7 +18,7 @@ OPTIONS = (
 )  # fmt: skip
 """Options of a job, by their names in submitit, which are sbatch's with _ for -. A cell is one task on one node."""
 _JOBS = 100
-"""Jobs at a time unless told otherwise: clusters limit how many a user may submit."""
+"""Default number of jobs at a time; clusters limit how many a user may submit."""
 _STATE_SECONDS = 30
 """Between two questions to SLURM on the states of all jobs."""
 _ENDING = (signal.SIGTERM, signal.SIGUSR2, signal.SIGINT)
@@ -86,7 +86,7 @@ class SlurmLauncher:
             self._executor = getattr(submitit, f"{cluster}Executor")(folder=out / ".slurm")
         except RuntimeError:
             raise ValueError("--launcher slurm finds no srun here; start it on a machine of the cluster") from None
-        # SLURM must not start a job again by itself: the grid does, after a look into the folder
+        # SLURM must not start a job again by itself: the grid does, after it has read the folder
         own = {"job_name": "curiobench", "stderr_to_stdout": True, "additional_parameters": {"no_requeue": True}}
         self._executor.update_parameters(**own, **parameters)
         self._job_class = self._executor.job_class

@@ -1,4 +1,4 @@
-"""A cell while the grid works, and how long it will take."""
+"""State of a cell in a running grid, and estimates of the time that is left."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Status:
 
     @property
     def progress(self) -> Progress:
-        """How far the run has come."""
+        """Progress of the run."""
         return self.reader.progress
 
     def refresh(self) -> State:
@@ -55,14 +55,14 @@ class Status:
 
 
 Paces = Mapping[object, float]
-"""Mean seconds an epoch, by what cells have in common."""
+"""Mean seconds per epoch, by the shared properties of cells in `_ALIKE`."""
 
 _ALIKE: Sequence[Callable[[Cell], object]] = (
     lambda cell: (cell.config.task, cell.method, cell.variant),
     lambda cell: (cell.config.task, cell.variant),
     lambda cell: cell.config.task,
 )
-"""What similar cells have in common, the most similar first."""
+"""Shared properties of similar cells, the most similar first."""
 
 
 def paces(statuses: Iterable[Status]) -> Paces:

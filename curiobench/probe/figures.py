@@ -64,7 +64,7 @@ def draw_rewards(
     reference = REFERENCES[among].format(others="/".join(sorted({str(others(run)) for run in runs})))
     caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, reference=reference)
     if runs[0].as_of_epoch is not None:
-        caption += f" Methods are told that it is epoch {runs[0].as_of_epoch}."
+        caption += f" Methods get epoch {runs[0].as_of_epoch}."
     figure.supxlabel(textwrap.fill(caption, 130), fontsize=7.5, color="0.35", x=0.02, ha="left")
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")

@@ -1,4 +1,4 @@
-"""Probing runs from beginning to end: play, read, write numbers and scores, draw."""
+"""`curiobench probe`: play episodes, compute rewards, write numbers and scores, draw."""
 
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ def probe(
     as_of_epoch: int | None = None,
     among: Among = "random",
 ) -> tuple[str, list[str], list[Path]]:
-    """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
+    """Probe runs of one task and robot, and write the results; files of the same names are replaced.
 
     Args:
         paths: run folders.
@@ -45,7 +45,7 @@ def probe(
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
         as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
-        among: what a probed transition is scored among.
+        among: kind of reference transitions.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
@@ -136,7 +136,7 @@ def _number_rows(
 
 
 def _step_rows(played: Played) -> Iterator[dict[str, Any]]:
-    """What the steps of the episodes are, whatever the run."""
+    """The columns of each step that do not depend on the run."""
     track = played.track
     lifts, falls = lifting(track), falling(track)
     for start, heights in enumerate(track.block[:, 1:, 2]):

@@ -1,6 +1,6 @@
 """Intrinsic reward and Q_int along scripted episodes, and a controllability score.
 
-The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
+The paper's Figures 5 and 6 on any checkpoints; docs/probes.md explains the quantities. Agents do not change.
 """
 
 from collections.abc import Collection, Sequence
@@ -20,7 +20,7 @@ from curiobench.probe.steps import falling, lifting
 from curiobench.saved_agent import SavedRun, load_saved
 
 LARGEST_BATCH = 512
-"""Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
+"""Largest batch in which a transition is scored; the run's batch size if that is smaller."""
 RESAMPLES = 10_000
 """Bootstrap resamples of the starts."""
 
@@ -165,9 +165,9 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
         states = reference.next_observation[-method.n_particles :]
         together = replace(together, particles=states if reference.particles is None else reference.particles)
     epoch = run.config.paper_epoch(run.epoch) if run.as_of_epoch is None else run.as_of_epoch
-    seen = run.agent.transitions(together, epoch)
+    scored = run.agent.transitions(together, epoch)
     rest = torch.arange(n, n + size)
-    batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
+    batches = (scored.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
     return torch.stack([run.agent.learner.curiosity.reward(batch)[0] for batch in batches])
 
 
@@ -185,7 +185,7 @@ def controllability(readings: Sequence[Reading], played: Sequence[Played], seed:
 def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> ControllabilityScore:
     """The score from normalised rewards, and which steps are lifting and falling, all (N, S).
 
-    The bootstrap resamples starts, so that its interval says how much the choice of starts matters, and no more.
+    The bootstrap resamples starts, so its interval only reflects the choice of starts.
     """
     both = lifts.any(axis=1) & falls.any(axis=1)
     if not both.any():

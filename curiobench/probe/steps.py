@@ -1,7 +1,7 @@
 """Events in a scripted episode: the steps that lift a block in the hand, the steps in which it falls, key moments.
 
-The definitions look at the block, not at the script. An episode in which the grip slips counts as what happened. Step
-t leads from state t to state t + 1.
+Events depend on the motion of the block, not on the script, so an episode in which the grip slips counts as observed.
+Step t leads from state t to state t + 1.
 """
 
 from dataclasses import dataclass

@@ -75,7 +75,7 @@ class IntrinsicValues:
 
     @torch.no_grad()
     def adapt(self, targets: Tensor) -> Tensor:
-        """Update PopArt by finite targets (2, B) and rescale. Returns the targets in the unit of the outputs, float32."""
+        """Update PopArt by finite targets (2, B); returns the targets in the unit of the rescaled outputs, float32."""
         self.popart.update(targets[0])
         return torch.stack([self.popart.normalise(targets[0]), targets[1]]).float()
 
