@@ -20,7 +20,7 @@ from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.run_folder import read_config
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent as load_config_and_agent
 from curiobench.training import train as train_run
 
 OBSERVATION_KEYS = ("observation", "achieved_goal", "desired_goal")
@@ -154,4 +154,4 @@ def load_run(path: str | Path, method: str | None = None) -> Run:
 
 def load_agent(path: str | Path, method: str | None = None) -> Agent:
     """The agent of a run's newest checkpoint; arguments and errors as `load_run`."""
-    return Agent(load_saved(Path(path), {method}).agent)
+    return Agent(load_config_and_agent(Path(path), {method})[1])

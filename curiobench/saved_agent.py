@@ -31,9 +31,9 @@ class SavedRun:
     """Of the replay's manifest."""
 
     def load_replay(self) -> EpisodeReplay:
-        """The replay at the checkpoint.
+        """The replay that the agent last learned from.
 
-        Raises ValueError if it is damaged, or deleted, as after the end of a run without --machine.keep-replay.
+        Raises ValueError where it is damaged, or gone, as it is once a run is finished, unless it was to be kept.
         """
         folder = self.path / REPLAY
         if not folder.is_dir():
@@ -46,11 +46,17 @@ class SavedRun:
         return replay
 
 
-def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
-    """Load the newest checkpoint of a run folder, finished or not.
+def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
+    """The config and the agent of a run folder; see `load_saved`."""
+    saved = load_saved(path, trusted)
+    return saved.config, saved.agent
 
-    Raises ValueError if the folder holds no run or no checkpoint yet, the checkpoint is damaged, or the method comes
-    from outside and is not `trusted`.
+
+def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
+    """What a run folder holds, whether the run is finished or not.
+
+    Raises ValueError where the folder is not a run's, has no checkpoint yet, its checkpoint is damaged, or its method
+    comes from outside and is not `trusted`.
     """
     config = read_config(path, trusted)
     tune_process(config.torch_threads)

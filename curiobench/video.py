@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from curiobench.config import RunConfig
 from curiobench.files import replace_file
+from curiobench.methods.agents.agent import LearningAgent
 from curiobench.rollout import play, policy
-from curiobench.saved_agent import SavedRun
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.rendering import WorldRenderer
 from curiobench.tasks.robots import CONTROL_TIMESTEP
@@ -16,34 +17,38 @@ from curiobench.tasks.robots import CONTROL_TIMESTEP
 SUFFIXES = (".mp4", ".gif")
 
 
-def film(run: SavedRun, goal: str, out: Path | None, episodes: int, seed: int) -> tuple[Path, int]:
-    """Render episodes from plain starts with the deterministic policy, one after the other, as a video.
+def film(
+    agent: LearningAgent, config: RunConfig, goal: str, out: Path | None, run: Path, episodes: int = 1, seed: int = 0
+) -> tuple[Path, int]:
+    """Film episodes from plain starts, by the deterministic policy, one after the other.
 
     Args:
-        run: has the agent.
-        goal: desired goal, in any form that `GoalSpace.parse` understands.
+        agent: acts.
+        config: of its run.
+        goal: what it pursues; anything that `GoalSpace.parse` understands.
         out: file to write; an mp4 in the run folder, named after the goal, if None.
+        run: the run folder.
         episodes: at least 1.
         seed: of the starts.
 
     Returns:
-        The file, and the number of episodes that ended in the goal.
+        The file, and how many episodes ended in the goal.
 
     Raises:
         ValueError: an unknown goal or file type, no episode, the extra `video` is missing, or no way to write.
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}; it must be at least 1")
-    worlds = BatchedStacking(run.config.task, 1, run.config.robot, seed=seed)
+    worlds = BatchedStacking(config.task, 1, config.robot, seed=seed)
     bits = worlds.goal_space.parse(goal)
     name = worlds.goal_space.names[worlds.goal_space.index(bits)]
-    out = out or run.path / f"{re.sub(r'[^a-z]+', '_', name)}.mp4"
+    out = out or run / f"{re.sub(r'[^a-z]+', '_', name)}.mp4"
     if out.suffix not in SUFFIXES:
         raise ValueError(f"cannot write {out}: a video is {' or '.join(SUFFIXES)}")
     renderer, frames, reached = WorldRenderer(worlds.model), [], 0
     try:
         for _ in range(episodes):
-            observation, act = worlds.reset(goals=bits), policy(run.agent, deterministic=True)
+            observation, act = worlds.reset(goals=bits), policy(agent, deterministic=True)
             played = play(worlds, observation, act, lambda: frames.append(renderer.render(worlds.qpos[0]).copy()))
             reached += int(played.reward[0] > 0)
     finally:

@@ -84,7 +84,7 @@ class EvaluateArguments:
 
 @dataclass(frozen=True)
 class VideoArguments:
-    """Make a video of the agent of a run's newest checkpoint pursuing a goal (needs the extra `video`)."""
+    """Film the agent of a run's newest checkpoint while it pursues a goal, (needs the extra `video`)."""
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
@@ -166,8 +166,8 @@ class ReportArguments:
 class PublishArguments:
     """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
 
-    Writes nothing if a run is missing, broken, partial, a duplicate or foreign. A lengthened run replaces its shorter
-    version. A README and other files in the folder are kept.
+    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
+    the place of what it was before. A README and other files that stand in the folder are kept.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -177,7 +177,7 @@ class PublishArguments:
     allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also take runs of altered code, or of code whose commit is not known."""
     replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also replace an existing set if runs in it would be lost or get other numbers."""
+    """Also where runs of the set that is there would be lost or get other numbers."""
 
 
 @dataclass(frozen=True)

@@ -51,11 +51,11 @@ def grid(arguments: GridArguments) -> None:
 def evaluate(arguments: EvaluateArguments) -> None:
     """Test a run's agent and print its learned goals."""
     from curiobench.evaluation import Evaluator, format_goals, format_layers
-    from curiobench.saved_agent import load_saved
+    from curiobench.saved_agent import load_agent
 
-    run = load_saved(arguments.run, {arguments.method})
-    episodes = run.config.episodes_per_goal if arguments.episodes is None else arguments.episodes
-    evaluation = Evaluator(run.config.task, run.config.robot, episodes, arguments.threads).evaluate(run.agent)
+    config, agent = load_agent(arguments.run, {arguments.method})
+    episodes = config.episodes_per_goal if arguments.episodes is None else arguments.episodes
+    evaluation = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent)
     if arguments.goals:
         print(format_goals(evaluation.rows()), end="\n\n")
     print(format_layers(evaluation.learned_by_layer()))
@@ -63,11 +63,13 @@ def evaluate(arguments: EvaluateArguments) -> None:
 
 def video(arguments: VideoArguments) -> None:
     """Film a run's agent."""
-    from curiobench.saved_agent import load_saved
+    from curiobench.saved_agent import load_agent
     from curiobench.video import film
 
-    run = load_saved(arguments.run, {arguments.method})
-    path, successes = film(run, arguments.goal, arguments.out, arguments.episodes, arguments.seed)
+    config, agent = load_agent(arguments.run, {arguments.method})
+    path, successes = film(
+        agent, config, arguments.goal, arguments.out, arguments.run, arguments.episodes, arguments.seed
+    )
     print(f"{path}: {successes} of {arguments.episodes} episodes reached the goal")
 
 

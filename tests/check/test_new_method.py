@@ -14,7 +14,7 @@ from curiobench.config import RunConfig
 from curiobench.files import read_json
 from curiobench.methods import specs
 from curiobench.run_folder import RunFolder, read_config, read_rows
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent
 
 FLAGS = (*TRAIN[1:], "--epochs", "2", "--cycles", "1")
 """Trains in a second; `--method` and `--out` are missing."""
@@ -48,9 +48,9 @@ def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
     assert record["versions"]["method_file"] == str(tmp_path / "my_idea.py")
     assert len(record["versions"]["method_sha256"]) == 64
     assert float(read_rows(tmp_path / "run" / "progress.csv")[-1]["my_idea_loss"]) > 0
-    run = load_saved(tmp_path / "run", {"my_idea:MyIdea+hm"})
-    assert RunConfig.from_json(run.config.to_json()) == run.config
-    assert run.agent.learner.curiosity.method.model[0].out_features == 9
+    config, agent = load_agent(tmp_path / "run", {"my_idea:MyIdea+hm"})
+    assert RunConfig.from_json(config.to_json()) == config
+    assert agent.learner.curiosity.method.model[0].out_features == 9
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_a_package_brings_its_own_curriculum_and_its_own_relabelling(cli, tmp_pa
         assert record["versions"]["method_file"] == str(tmp_path / "my_goals.py")
     assert read_rows(tmp_path / "First" / "progress.csv")[-1]["first_episodes"] == "8"
     with pytest.raises(ValueError, match="First is no part of curiobench"):
-        load_saved(tmp_path / "First")
+        load_agent(tmp_path / "First")
     code, _, err = cli("train", *FLAGS, "--method", "my_goals:First+hm", "--out", "hm")
     assert (code, "the hybrid mechanism needs a curiosity method" in err) == (2, True)
     code, _, err = cli("train", *FLAGS, "--method", "my_goals:Beyond", "--out", "beyond")

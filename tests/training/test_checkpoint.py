@@ -14,7 +14,7 @@ from tiny_runs import TINY
 from curiobench import checkpoint
 from curiobench.checkpoint import CheckpointError
 from curiobench.files import read_json, write_json
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent
 from curiobench.training import TrainingRun, train
 
 AGENT = {"weights": {"w": torch.arange(3.0)}, "updates": 7}
@@ -171,4 +171,4 @@ def test_an_agent_of_another_shape(stopped):
     agent["critics"] = {name: weights[..., :-1] for name, weights in agent["critics"].items()}
     checkpoint.save(stopped / "checkpoint", TINY.fingerprint(), agent, values)
     with pytest.raises(CheckpointError, match="RuntimeError"):
-        load_saved(stopped)
+        load_agent(stopped)

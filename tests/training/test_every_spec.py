@@ -12,7 +12,7 @@ from tiny_runs import TINY, numbers
 
 from curiobench.errors import Interrupted
 from curiobench.methods.guard import TAKEN
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent
 from curiobench.state import TrainingState
 from curiobench.training import train
 
@@ -51,4 +51,4 @@ def test_repeats_itself_and_resumes_to_the_bit(tmp_path, monkeypatch, spec):
     assert own <= TAKEN  # which no method from outside may use for its metrics
     assert int(rows[-1]["updates"]) == UPDATES
     assert (rows, evaluations) == numbers(tmp_path / "stopped")
-    assert load_saved(tmp_path / "stopped").config == config
+    assert load_agent(tmp_path / "stopped")[0] == config

@@ -9,7 +9,7 @@ from tiny_runs import TINY, numbers
 from curiobench.config import MachineConfig
 from curiobench.files import read_json
 from curiobench.run_folder import RunFolder, read_config, read_record
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent
 from curiobench.training import train
 
 LONG = replace(TINY, epochs=6, evaluate_every=1)
@@ -44,7 +44,7 @@ def test_a_finished_run_continues_as_if_it_had_been_longer_from_the_start(cli, l
     assert (code, err) == (0, "")
     assert numbers(short) == numbers(long)
     assert read_json(short / "result.json")["epochs"] == 6
-    assert load_saved(short).config == read_config(short) == LONGER
+    assert load_agent(short)[0] == read_config(short) == LONGER
     record = read_record(short)
     assert record["command"] == ["curiobench", "train", "--epochs", "3"]
     (lengthened,) = record["lengthened"]

@@ -15,7 +15,7 @@ from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluator, last_evaluation
 from curiobench.files import read_json, write_json
 from curiobench.run_folder import RunFolder, read_rows
-from curiobench.saved_agent import load_saved
+from curiobench.saved_agent import load_agent
 from curiobench.state import TrainingState
 from curiobench.training import TrainingRun, train
 
@@ -188,9 +188,9 @@ def test_other_versions_are_named(tmp_path, capsys):
 
 
 def test_an_agent_from_a_folder_acts_as_in_the_run(finished, tmp_path):
-    run = load_saved(finished)
-    assert run.config == TINY
-    rows = Evaluator(TINY.task, TINY.robot, TINY.episodes_per_goal).evaluate(run.agent).rows()
+    config, agent = load_agent(finished)
+    assert config == TINY
+    rows = Evaluator(config.task, config.robot, config.episodes_per_goal).evaluate(agent).rows()
     assert [str(row["success"]) for row in rows] == [
         row["success"] for row in last_evaluation(read_rows(finished / "evaluations.csv"))
     ]
