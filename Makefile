@@ -34,7 +34,7 @@ test-slow: $(INSTALLED)   ## the checks that take minutes
 benchmark: $(INSTALLED)   ## ratios measured side by side; leave the machine alone meanwhile
 	$(RUN) -m pytest tests/benchmarks --benchmark-only -m "slow or not slow" -p no:xdist -s
 
-fidelity: $(INSTALLED)   ## measures what docs/fidelity.md tells and draws its pictures
+fidelity: $(INSTALLED)   ## measures the numbers of docs/fidelity.md and draws its pictures
 	$(RUN) docs/make_fidelity.py
 
 presets: $(INSTALLED)   ## writes tables of the docs from the runs in results/

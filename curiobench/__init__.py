@@ -1,6 +1,6 @@
 """curiobench: which curiosity method helps a robot arm that is rewarded only at its goal?"""
 
-from curiobench.errors import missing_extra
+from curiobench.errors import needs_train
 from curiobench.tasks.registration import register
 
 __version__ = "0.2.0"
@@ -14,10 +14,8 @@ _API = ("Agent", "Run", "load_agent", "load_run", "train")
 def __getattr__(name: str):
     # imported on first use, so that `import curiobench` stays quick
     if name in _API:
-        try:
+        with needs_train():
             from curiobench import api
-        except ModuleNotFoundError as error:
-            raise ImportError(missing_extra(error)) from None
         return getattr(api, name)
     if name == "analysis":
         import curiobench.analysis

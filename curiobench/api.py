@@ -3,7 +3,7 @@
 import curiobench
 
 run = curiobench.train(task="stack2", method="mihm", preset="smoke", out="runs/demo")
-run.evaluations                                # pandas frame, a row an evaluation and goal
+run.evaluations                                # pandas frame, a row per evaluation and goal
 action, _ = run.agent().predict(observation)   # of the Gymnasium environment
 """
 
@@ -23,7 +23,7 @@ from curiobench.run_folder import read_config
 from curiobench.saved_agent import load_agent as load_config_and_agent
 from curiobench.training import train as train_run
 
-PARTS = ("observation", "achieved_goal", "desired_goal")
+OBSERVATION_KEYS = ("observation", "achieved_goal", "desired_goal")
 """Of an observation of the environments."""
 
 
@@ -55,11 +55,12 @@ class Agent:
         Raises:
             ValueError: a part is missing, or of another size than the agent's task has.
         """
-        if missing := [name for name in PARTS if name not in observation]:
-            raise ValueError(f"the observation lacks {missing[0]!r}; it needs {', '.join(PARTS)}")
+        if missing := [name for name in OBSERVATION_KEYS if name not in observation]:
+            raise ValueError(f"the observation lacks {missing[0]!r}; it needs {', '.join(OBSERVATION_KEYS)}")
         layout = self._agent.learner.layout
-        parts = [np.asarray(observation[name], np.float32) for name in PARTS]
-        for name, part, size in zip(PARTS, parts, (layout.observation_size, *[layout.goal_size] * 2), strict=True):
+        sizes = layout.observation_size, layout.goal_size, layout.goal_size
+        parts = [np.asarray(observation[name], np.float32) for name in OBSERVATION_KEYS]
+        for name, part, size in zip(OBSERVATION_KEYS, parts, sizes, strict=True):
             if part.ndim not in (1, 2) or part.shape[-1] != size:
                 raise ValueError(f"{name} has shape {part.shape}; expected ({size},) or (N, {size})")
         if len({part.shape[:-1] for part in parts}) > 1:
@@ -86,17 +87,17 @@ class Run:
 
     @property
     def progress(self) -> pd.DataFrame:
-        """A row an epoch; docs/training.md says what the columns mean."""
+        """A row per epoch; docs/training.md explains the columns."""
         return self._rows("progress.csv")
 
     @property
     def evaluations(self) -> pd.DataFrame:
-        """A row an evaluation and goal."""
+        """A row per evaluation and goal."""
         return self._rows("evaluations.csv")
 
     @property
     def result(self) -> dict[str, Any] | None:
-        """The last evaluation in short and what the run cost; None where it is not finished."""
+        """A summary of the last evaluation and the cost of the run; None if it is not finished."""
         path = self.path / "result.json"
         return json.loads(path.read_bytes()) if path.exists() else None
 

@@ -1,4 +1,4 @@
-"""What a run is made of, from its config: agent, curriculum and replay."""
+"""Builds the parts of a run from its config: agent, curriculum and replay."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -24,7 +24,7 @@ Goal = TypeVar("Goal", bound=GoalMethod)
 
 
 def pair_layout(goal_space: GoalSpace) -> PairLayout:
-    """Where the networks find blocks and predicate bits of a task."""
+    """Columns of blocks and predicate bits of a task, for the networks."""
     pairs = tuple((p.i, p.j, p.close, p.on_ij, p.on_ji) for p in goal_space.pairs)
     return PairLayout(goal_space.n_blocks, pairs, BODY_SIZE, BLOCK_SIZE, ACTION_SIZE)
 
@@ -47,7 +47,7 @@ def build_agent(config: RunConfig, seed: np.random.SeedSequence) -> LearningAgen
 
 
 def goals_of(goal_space: GoalSpace) -> Goals:
-    """What curricula and relabellings see of a task's goals."""
+    """A task's goals, as curricula and relabellings get them."""
     pairs = np.array([(p.close, p.on_ij, p.on_ji) for p in goal_space.pairs])
     return Goals(goal_space.goals.astype(np.uint8), goal_space.layers, pairs)
 

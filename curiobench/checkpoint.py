@@ -20,7 +20,7 @@ import torch
 from curiobench.files import read_json, replace_file, write_json
 from curiobench.methods.guard import MethodError
 
-FORMAT = "curiobench checkpoint 4"
+CHECKPOINT_FORMAT = "curiobench checkpoint 4"
 KEPT = 2
 """Checkpoints kept: the newest, and the one before in case that is damaged."""
 
@@ -57,7 +57,7 @@ def save(folder: Path, fingerprint: str, agent: dict[str, Any], values: dict[str
     torch.save(agent, buffer)
     replace_file(_agent_path(folder, number), lambda file: file.write(buffer.getbuffer()))
     digest = hashlib.sha256(buffer.getbuffer()).hexdigest()
-    head = {"format": FORMAT, "fingerprint": fingerprint, "agent_sha256": digest}
+    head = {"format": CHECKPOINT_FORMAT, "fingerprint": fingerprint, "agent_sha256": digest}
     write_json(_manifest_path(folder, number), head | {"values": values})
     for old in sorted(_numbers(folder))[:-KEPT]:
         _manifest_path(folder, old).unlink()
@@ -77,9 +77,9 @@ def load(folder: Path, fingerprint: str) -> tuple[dict[str, Any], dict[str, Any]
         return None
     with errors_named(folder):
         manifest = read_json(_manifest_path(folder, number), math.inf)  # the state of a curriculum has any size
-        if (found := manifest.get("format")) != FORMAT:
+        if (found := manifest.get("format")) != CHECKPOINT_FORMAT:
             kind = _OtherFormat if str(found).startswith("curiobench checkpoint") else ValueError
-            raise kind(f"its format is {found!r}; this curiobench reads {FORMAT!r} only")
+            raise kind(f"its format is {found!r}; this curiobench reads {CHECKPOINT_FORMAT!r} only")
         if manifest["fingerprint"] != fingerprint:
             raise ValueError("it belongs to a run with another config")
         values = manifest["values"]

@@ -16,7 +16,15 @@ import tyro
 from curiobench.curriculum import CurriculumName
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.checks import check_option
-from curiobench.options import ADDED_LATER, added_later, build, changes, flatten, with_later_settings, with_track
+from curiobench.options import (
+    ADDED_LATER,
+    added_later,
+    build_dataclass,
+    changes,
+    flatten,
+    with_later_settings,
+    with_track,
+)
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
 
@@ -38,7 +46,7 @@ TRACKER_NAMES = ("tensorboard", "wandb", "mlflow")
 PRESET_NAMES = ("paper", "laptop", "short", "smoke")
 """Names of the presets; `curiobench.presets` has their configs."""
 
-Starts = Literal["biased", "plain"]
+StartsName = Literal["biased", "plain"]
 """Where training episodes start."""
 
 
@@ -50,16 +58,16 @@ def _check_at_least(config: Any, least: int, *names: str) -> None:
 
 @dataclass(frozen=True)
 class MachineConfig:
-    """How this machine does the work. Nothing here changes a number, so a resumed run may change it."""
+    """Options of this machine. They change no number, so a resumed run may have others."""
 
     threads: int = 1
     """Threads that step the worlds."""
     checkpoint_every: int = 1
-    """Epochs between checkpoints. A killed run repeats what came after its last one."""
+    """Epochs between checkpoints. A killed run repeats the work after its last checkpoint."""
     replay_on_disk: bool = False
     """Keep the replay in memory-mapped files in the run folder instead of in memory."""
     keep_replay: bool = False
-    """Keep the checkpoint's replay when the run is finished, so that it can be made longer, or probed among its own
+    """Keep the checkpoint's replay when the run is finished, so that it can be lengthened, or probed among its own
     transitions."""
     track: str | None = None
     """Trackers that get the rows of progress.csv, comma-separated: tensorboard, wandb, mlflow (each needs the extra of
@@ -78,7 +86,7 @@ class MachineConfig:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that decides the numbers of a run."""
+    """All options of a run."""
 
     task: str = "stack3"
     """Task; `curiobench list` shows them all."""
@@ -94,18 +102,18 @@ class RunConfig:
     epochs: int = 500
     """Epochs of training."""
     cycles: int = 50
-    """Cycles an epoch. A cycle collects worlds × rollouts episodes, then makes its gradient updates."""
+    """Cycles per epoch. A cycle collects worlds × rollouts episodes, then makes its gradient updates."""
     worlds: int = 16
     """Worlds that are stepped together."""
     rollouts: int = 2
-    """Episodes a cycle in each world, one after the other."""
+    """Episodes per cycle in each world, one after the other."""
     updates: int = 30
-    """Gradient updates a cycle."""
+    """Gradient updates per cycle."""
     batch_size: int = 4096
-    """Transitions a gradient update."""
-    starts: Starts = "biased"
-    """Where training episodes start: biased towards stacks and held blocks, or always plain, blocks spread on the
-    table, which makes exploration hard. Test episodes start plain in any case."""
+    """Transitions per gradient update."""
+    starts: StartsName = "biased"
+    """Starts of training episodes: biased (some have stacks or a held block) or plain (all blocks apart on the table,
+    which makes exploration hard). Test episodes always have plain starts."""
     biased_from_epoch: int = 80
     """First epoch, counted from 0, of biased starts."""
     curriculum: CurriculumName = "reached"
@@ -113,11 +121,11 @@ class RunConfig:
     them near the start (near). A method such as decstr has its own."""
 
     schedule_epochs: int = PAPER_EPOCHS
-    """Epochs in which a method passes through a schedule that the paper gives in epochs of its 500, such as MI's
-    lambda; longer runs go on beyond it."""
+    """Number of epochs that count as the paper's 500 in schedules of methods, such as MI's lambda; schedules of longer
+    runs go on beyond it."""
 
     evaluate_every: int = 5
-    """Epochs between evaluations; there is one before training and one after the last epoch in any case."""
+    """Epochs between evaluations. There is always one before training and one after the last epoch."""
     episodes_per_goal: int = 25
     """Test episodes of every goal in an evaluation."""
 
@@ -140,7 +148,7 @@ class RunConfig:
     def __post_init__(self) -> None:
         check_robot(self.task, self.robot)
         check_name("preset", self.preset, PRESET_NAMES)
-        check_option(self, "starts", Starts)
+        check_option(self, "starts", StartsName)
         check_option(self, "curriculum", CurriculumName)
         self._check_method()
         _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
@@ -191,7 +199,7 @@ class RunConfig:
             raise ValueError(f"the config has version {version!r}; this curiobench reads version {CONFIG_VERSION} only")
         values = dict(values) if isinstance(values, dict) else values
         settings = values.pop("method_config", None) if isinstance(values, dict) else None
-        config = build(cls, with_track(values))
+        config = build_dataclass(cls, with_track(values))
         if settings is None:
             return config
         return replace(config, method_config=_settings(config.method, with_later_settings(config.method, settings)))
@@ -261,4 +269,4 @@ def _settings(method: str, values: Any) -> Any:
     found = _parse_spec(method).method
     if found is None:
         raise ValueError(f"unknown config field method_config: {method} has no settings")
-    return build(found.Config, values, "method_config.")
+    return build_dataclass(found.Config, values, "method_config.")

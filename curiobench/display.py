@@ -1,4 +1,4 @@
-"""What a run shows: lines on the terminal, and rows for trackers. None of it changes the run."""
+"""Output of a run: lines on the terminal, and rows for trackers. It has no effect on the run."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Terminal(Console):
-    """Standard output. It falls silent, and nothing more, once nobody reads it any longer or its disk is full."""
+    """Standard output. If it is closed or its disk is full, output stops and the run goes on."""
 
     def __init__(self) -> None:
         super().__init__(highlight=False)

@@ -2,6 +2,8 @@
 
 import shlex
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Self
@@ -33,6 +35,15 @@ def missing_extra(error: ModuleNotFoundError) -> str:
     if module not in OF_TRAIN:
         raise error
     return f"{module} is not installed; training and results need the extra `train`: pip install 'curiobench[train]'"
+
+
+@contextmanager
+def needs_train() -> Iterator[None]:
+    """Within a `with` block, a missing module of the extra `train` raises ImportError that says what to install."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ImportError(missing_extra(error)) from None
 
 
 class StopRequest:

@@ -1,7 +1,7 @@
-"""Testing an agent: every valid goal, from plain starts, by the deterministic policy.
+"""Evaluation of an agent: every valid goal, from plain starts, with the deterministic policy.
 
-The starts come from a seed of the protocol. They depend on the task and the number of episodes a goal, not on the run,
-its seed or its progress: every method is tested on the same starts, every time, and training never notices.
+Starts are drawn with the protocol's seed. They depend on the task and the number of episodes per goal only, so every
+evaluation of every run uses the same ones. Evaluation has no effect on training.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,22 +19,22 @@ from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.registration import task_spec
 
 MAX_WORLDS = 256
-"""Test episodes stepped together; part of the protocol, as it decides which start each of them gets."""
+"""Test episodes stepped together. Part of the protocol: it decides which start each episode gets."""
 
 Layers = dict[int, tuple[int, int]]
-"""Learned goals and all goals, by layer."""
+"""Numbers of learned goals and of all goals, by layer."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Outcome of all test episodes of an evaluation: G goals, E episodes each."""
+    """Outcome of an evaluation: E test episodes of each of G goals."""
 
     goal_space: GoalSpace
     """The goals, their names and layers."""
     success: np.ndarray
     """`(G, E)` bool: the goal holds after the last step."""
     satisfied_at_start: np.ndarray
-    """`(G, E)` bool: it held before the first one."""
+    """`(G, E)` bool: the goal holds before the first step."""
 
     @property
     def success_rates(self) -> np.ndarray:
@@ -47,11 +47,11 @@ class Evaluation:
         return self.success_rates > LEARNED_ABOVE
 
     def learned_by_layer(self) -> Layers:
-        """Learned goals and all goals of each layer."""
+        """Numbers of learned goals and of all goals, by layer."""
         return learned_by_layer(self.rows())
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a goal, as evaluations.csv has them; `success_unsatisfied` is None where every start satisfied it."""
+        """Rows of evaluations.csv, one per goal; `success_unsatisfied` is None if every start satisfies the goal."""
         space, unsatisfied = self.goal_space, ~self.satisfied_at_start
         return [
             {
@@ -69,7 +69,7 @@ class Evaluation:
 
 
 class Evaluator:
-    """Test worlds of one task, apart from those of training."""
+    """Worlds of one task for test episodes, separate from the training worlds."""
 
     def __init__(self, task: str, robot: str, episodes_per_goal: int, threads: int = 1) -> None:
         """
@@ -77,7 +77,7 @@ class Evaluator:
             task: a task's name.
             robot: "gripper" or "fetch".
             episodes_per_goal: test episodes of every valid goal.
-            threads: that step the worlds; results do not depend on it.
+            threads: number of threads that step the worlds; results do not depend on it.
 
         Raises ValueError on an unknown task or robot, or less than one episode.
         """
@@ -89,7 +89,7 @@ class Evaluator:
         self._worlds = BatchedStacking(task, min(n_episodes, MAX_WORLDS), robot, threads, seed=EVALUATION_SEED)
 
     def evaluate(self, agent: LearningAgent) -> Evaluation:
-        """Run all test episodes. Changes nothing in the agent, whose deterministic policy draws no random numbers."""
+        """Run all test episodes with the deterministic policy. The agent does not change."""
         goals = np.repeat(self.goal_space.goals, self.episodes_per_goal, axis=0)
         size = self._worlds.n_worlds
         parts = [self._episodes(agent, goals[first : first + size], first) for first in range(0, len(goals), size)]
@@ -98,29 +98,29 @@ class Evaluator:
         return Evaluation(self.goal_space, success.reshape(shape), satisfied.reshape(shape))
 
     def _episodes(self, agent: LearningAgent, goals: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
-        """Success and satisfied at start, `(K,)` bool each, of K ≤ N test episodes, the first of which has this number.
+        """Success and satisfied at start, `(K,)` bool each, of K ≤ N test episodes that count from `first`.
 
-        An episode whose physics diverged has failed.
+        An episode whose physics diverged counts as failed.
         """
         worlds, n = self._worlds, len(goals)
-        # a generator a batch: what happens in one batch must not move the starts of the next
+        # one generator per batch: starts must not depend on what happened in earlier batches
         worlds.rng = np.random.default_rng([EVALUATION_SEED, first])
         spare = np.broadcast_to(goals[:1], (worlds.n_worlds - n, goals.shape[1]))
-        seen = worlds.reset(biased=False, goals=np.concatenate([goals, spare]))
-        played = play(worlds, seen, policy(agent, deterministic=True))
+        observation = worlds.reset(biased=False, goals=np.concatenate([goals, spare]))
+        played = play(worlds, observation, policy(agent, deterministic=True))
         _, satisfied = successes(played.episodes)
         return ((played.reward > 0) & played.intact)[:n], satisfied[:n]
 
 
 def last_evaluation(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The rows of the last evaluation, one a goal; raises ValueError where there is none."""
+    """Rows of the last evaluation, one per goal. Raises ValueError if there is none."""
     if not rows:
         raise ValueError("there is no evaluation yet")
     return [row for row in rows if row["epoch"] == rows[-1]["epoch"]]
 
 
 def learned_by_layer(evaluation: Sequence[Mapping[str, Any]]) -> Layers:
-    """Learned goals and all goals of each layer, from one evaluation's rows."""
+    """Numbers of learned goals and of all goals by layer, from the rows of one evaluation."""
     layers: Layers = {}
     for row in evaluation:
         learned, goals = layers.get(int(row["layer"]), (0, 0))
@@ -129,13 +129,14 @@ def learned_by_layer(evaluation: Sequence[Mapping[str, Any]]) -> Layers:
 
 
 def format_layers(layers: Layers) -> str:
-    """Learned goals of each layer and in total."""
+    """Table of learned goals by layer and in total, as text."""
     lines = [[str(layer), *map(str, counts)] for layer, counts in layers.items()]
-    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, _total(layers))]], left=1)
+    totals = map(sum, zip(*layers.values(), strict=True))
+    return align([["layer", "learned", "goals"], *lines, ["total", *map(str, totals)]], left=1)
 
 
 def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
-    """Success of every goal, and of those of its episodes that did not start with the goal satisfied."""
+    """Table of every goal's success, over all its episodes and over those that start unsatisfied, as text."""
     lines = [
         [
             row["goal"],
@@ -148,8 +149,3 @@ def format_goals(evaluation: Sequence[Mapping[str, Any]]) -> str:
         for row in evaluation
     ]
     return align([["goal", "bits", "layer", "success", "unsatisfied", "learned"], *lines], left=2)
-
-
-def _total(layers: Layers) -> tuple[int, int]:
-    learned, goals = zip(*layers.values(), strict=True)
-    return sum(learned), sum(goals)

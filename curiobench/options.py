@@ -56,7 +56,7 @@ def with_track(values: Any) -> Any:
     return values | {"machine": {"track": "tensorboard" if machine["tensorboard"] else None} | kept}
 
 
-def build(cls: type, values: Any, path: str = "") -> Any:
+def build_dataclass(cls: type, values: Any, path: str = "") -> Any:
     """An instance of a dataclass from plain values that name each of its fields once.
 
     Args:
@@ -80,7 +80,7 @@ def build(cls: type, values: Any, path: str = "") -> Any:
 def _value(hint: Any, value: Any, name: str) -> Any:
     """A value checked against the type hint of its field."""
     if is_dataclass(hint):
-        return build(hint, value, f"{name}.")
+        return build_dataclass(hint, value, f"{name}.")
     options = get_args(hint) or (hint,)
     if get_origin(hint) is Literal:
         legal = isinstance(value, str) and value in options

@@ -1,4 +1,4 @@
-"""What results must have in common to be comparable: how agents are tested. Imports neither torch nor MuJoCo."""
+"""The protocol of evaluation, which comparable results share. Imports neither torch nor MuJoCo."""
 
 from types import MappingProxyType
 

@@ -1,7 +1,6 @@
 """Which transitions a batch holds, and under which desired goals: hindsight relabelling, at sample time.
 
-These are the relabellings that any method can run under, by the name that `ReplayConfig.relabelling` gives. A method
-may bring its own instead; see `methods/relabelling.py`.
+`ReplayConfig.relabelling` names one of these. A method may have its own instead; see `methods/relabelling.py`.
 
 future      HER (Andrychowicz et al. 2017, arXiv 1707.01495): a goal that the episode achieves later, or its own.
 arrivals    ours: half of a batch leads up to moments at which a goal was reached; the rest is `future`, and steps under
@@ -19,12 +18,12 @@ from curiobench.methods.relabelling import Draw
 if TYPE_CHECKING:
     from curiobench.replay import EpisodeReplay
 
-KINDS = 3
+N_ARRIVAL_KINDS = 3
 """Kinds of arrivals: a block was put on another; else two came close; else something was only undone."""
 
 
 def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) -> np.ndarray:
-    """Kind (...) of the changes between achieved goals `(..., bits)`: 0, 1 or 2, as in `KINDS`.
+    """Kind (...) of the changes between achieved goals `(..., bits)`: 0, 1 or 2, as in `N_ARRIVAL_KINDS`.
 
     `on_bits` `(bits,)` bool says which bits mean that a block lies on another.
     """
@@ -33,22 +32,22 @@ def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) ->
 
 
 def draw_future(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
-    """Goal-balanced episodes, uniform steps, "future" goals; at most `satisfied_cap` of them already satisfied."""
+    """Goal-balanced episodes, uniform steps and "future" goals; at most a share `satisfied_cap` already satisfied."""
     cap = replay.config.satisfied_cap
     return _draw_capped(replay, size, None if cap is None else int(cap * size), generator)
 
 
 def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
-    """`arrival_share` of a batch from arrivals, `pursued_share` as it was pursued, the rest as `draw_future`.
+    """`arrival_share` of a batch from arrivals, `pursued_share` under the pursued goal, the rest by `draw_future`.
 
-    An arrival is a step at which the achieved goal changes to a valid goal g. Drawn uniformly are: a pair of g and a
-    kind of arrival, since else cheap kinds fill the batch; an arrival of that pair; an earlier step of its episode at
-    which g did not hold. The transition from that step on is relabelled with g.
+    An arrival is a step at which the achieved goal changes to a valid goal g. First a pair of g and a kind of arrival
+    is drawn uniformly (otherwise easy kinds would fill the batch), then an arrival of that pair, then an earlier step
+    of its episode at which g did not hold. The transition at that step is relabelled with g.
 
-    The goal of most transitions that `draw_future` gives either holds already or is never reached in the episode. Those
-    of arrivals are still to be reached, and are. But goals drawn with hindsight alone show the agent hardly any
-    failure: it thinks too well of actions that, say, push a block off the table. So there are steps of any episode too,
-    under the goal that it pursued. `satisfied_cap` is a share of all of the batch.
+    Most transitions of `draw_future` have a goal that holds already or is not reached in the episode. Those of arrivals
+    have a goal that is reached later. Goals from hindsight alone contain few failures, so values of bad actions, such
+    as pushing a block off the table, become too high. Therefore some steps keep the goal that their episode pursued.
+    `satisfied_cap` is a share of the complete batch.
     """
     config = replay.config
     occurring = np.flatnonzero(replay.arrivals.counts)
@@ -66,37 +65,37 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
 RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Generator], Draw]] = MappingProxyType(
     {"future": draw_future, "arrivals": draw_arrivals}
 )
-"""By name; each as `Relabelling.draw`."""
+"""Relabellings by name; each has the signature of `Relabelling.draw`."""
 
 RelabellingName = Literal[tuple(RELABELLINGS)]
 """Names of relabellings."""
 
 
 def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
-    """`size` steps that lead up to arrivals, among the groups (goal · KINDS + kind) that occur."""
+    """`size` steps before arrivals, of the groups (goal · N_ARRIVAL_KINDS + kind) that occur."""
     uniform = generator.random((3, size))
     if replay.goal_weights is None:
         group = occurring[scaled(uniform[0], len(occurring))]
     else:
-        group = occurring[weighted(uniform[0], _group_weights(replay.goal_weights, occurring // KINDS))]
+        group = occurring[weighted(uniform[0], _group_weights(replay.goal_weights, occurring // N_ARRIVAL_KINDS))]
     slot, arrival = np.divmod(replay.arrivals.draw(group, uniform[1]), replay.steps + 1)
-    goal = group // KINDS
+    goal = group // N_ARRIVAL_KINDS
     earlier = (np.arange(replay.steps) < arrival[:, None]) & (replay.goal_ids[slot, :-1] != goal[:, None])
     rank = scaled(uniform[2], earlier.sum(1))
     return slot, np.argmax(np.cumsum(earlier, axis=1) > rank[:, None], axis=1), replay.valid_goals[goal]
 
 
 def _group_weights(weights: np.ndarray, goals: np.ndarray) -> np.ndarray:
-    """Weights of groups from those of goals `(G,)`: a goal's is shared by its kinds of arrivals that occur.
+    """Weights of groups from those of goals `(G,)`: a goal's weight is split over its kinds of arrivals that occur.
 
-    `goals` are those of the groups. Where no goal that occurs has any weight, all groups have the same.
+    `goals` holds the goal of each group. If all these weights are 0, groups have equal weights.
     """
     shared = weights[goals] / np.bincount(goals)[goals]
     return shared if shared.any() else np.ones(len(goals))
 
 
 def _draw_pursued(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
-    """`size` uniform steps of uniform episodes, each under the goal that it pursued."""
+    """`size` uniform steps of uniform episodes, each with the goal that its episode pursued."""
     uniform = generator.random((2, size))
     slot = scaled(uniform[0], len(replay))
     return slot, scaled(uniform[1], replay.steps), replay.arrays["desired_goal"][slot]
@@ -111,7 +110,7 @@ def _satisfied(replay: "EpisodeReplay", drawn: Draw) -> np.ndarray:
 def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generator: np.random.Generator) -> Draw:
     """`size` draws, at most `quota` of them already satisfied.
 
-    Draws candidates until enough are accepted, at most ten times; then rejected ones fill up.
+    Draws candidates at most ten times until enough are accepted. If there are still too few, rejected ones are added.
     """
     if quota is None:
         return _draw(replay, size, generator)
@@ -139,11 +138,11 @@ def _draw(replay: "EpisodeReplay", size: int, generator: np.random.Generator) ->
 
 
 def weighted(uniform: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Numbers in [0, 1) to positions, each as often as its weight says."""
+    """Map numbers in [0, 1) to indices with probabilities in proportion to the weights."""
     cumulated = np.cumsum(weights)
     return np.searchsorted(cumulated, uniform * cumulated[-1], side="right")
 
 
 def scaled(uniform: np.ndarray, n: int | np.ndarray) -> np.ndarray:
-    """Numbers in [0, 1) to integers in [0, n)."""
+    """Map numbers in [0, 1) to integers in [0, n)."""
     return (uniform * n).astype(np.int64)

@@ -1,7 +1,6 @@
-"""Replay of episodes, in numpy.
+"""Replay buffer of episodes, in numpy.
 
-Nothing about goals or rewards is stored with a transition: goals are drawn (`relabelling.py`), and rewards recomputed,
-for every batch.
+Rewards are not stored: for every batch, goals are drawn (`relabelling.py`) and rewards recomputed.
 """
 
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import numpy as np
 from curiobench.methods.checks import check_option
 from curiobench.methods.relabelling import Relabelling
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
+from curiobench.relabelling import N_ARRIVAL_KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
 from curiobench.replay_files import EpisodeFiles
 from curiobench.tasks.goals import GoalTable
 
@@ -23,14 +22,14 @@ ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """Settings of the replay. Defaults are those of DECSTR where it has them."""
+    """Settings of the replay. Where DECSTR has the same setting, the default is its value."""
 
     capacity: int = 20_000
     """Episodes kept; the oldest are overwritten. An episode of three blocks and 50 steps takes 12.5 kB."""
     relabel_share: float = 0.8
     """Share of samples whose desired goal becomes one achieved later in the episode (hindsight "future", k = 4)."""
     balance_goals: bool = True
-    """Draw first one of the goals that episodes ended in, uniformly, then one of its episodes; else any episode."""
+    """Draw an episode by first drawing a goal that episodes ended in, uniformly; otherwise draw episodes uniformly."""
     relabelling: RelabellingName = "future"
     """Which transitions with which goals fill a batch: hindsight "future" (future), or half of it steps that lead to a
     moment at which a goal was reached (arrivals). A method such as mcher has its own."""
@@ -39,8 +38,8 @@ class ReplayConfig:
     pursued_share: float = 0.0
     """Share of a batch, with that relabelling, that is drawn from any episode under the goal that it pursued."""
     satisfied_cap: float | None = None
-    """Largest share of a batch whose desired goal already holds before the step; None for no limit. Balanced drawing
-    and relabelling together give about 83 % of them, from which little is learned but to keep still."""
+    """Largest share of a batch whose desired goal already holds before the step; None for no limit. Without a limit it
+    is about 83 %, and these transitions teach little more than to keep still."""
 
     def __post_init__(self) -> None:
         if self.capacity < 1:
@@ -70,14 +69,14 @@ class Episodes:
 
 
 class EpisodeReplay:
-    """A ring of episodes of equal length.
+    """A ring buffer of episodes of equal length.
 
     Attributes:
         arrays: observation, achieved_goal, action and desired_goal of every slot, as in `Episodes`.
-        goal_ids: `(capacity, T + 1)` position of the achieved goal among the valid ones, -1 where it is none of them.
+        goal_ids: `(capacity, T + 1)` index of the achieved goal among the valid goals, -1 if it is not valid.
         ends: slots by the valid goal that their episode ended in.
-        arrivals: places, slot · (T + 1) + step, by goal · KINDS + kind; see `relabelling.py`.
-        goal_weights: `(G,)` probabilities with which goals are drawn, set by a curriculum that decides that; or None.
+        arrivals: positions slot · (T + 1) + step, by goal · N_ARRIVAL_KINDS + kind; see `relabelling.py`.
+        goal_weights: `(G,)` probabilities of goals, set by a curriculum that weights the replay; otherwise None.
     """
 
     def __init__(
@@ -95,15 +94,15 @@ class EpisodeReplay:
         """
         Args:
             config: settings.
-            valid_goals: (G, bits) the goals that balanced drawing may draw, 0 or 1.
-            compute_reward: rewards of achieved under desired goals.
+            valid_goals: (G, bits) goals that may be drawn, 0 or 1.
+            compute_reward: computes rewards from achieved and desired goals.
             steps: T, the length of every episode.
             observation_size: D.
             action_size: A.
             on_bits: (bits,) bool, which bits of a goal say that a block lies on another.
-            folder: keep the arrays in memory-mapped files there instead of in memory. Scratch space: a run resumes from
-                what `save` wrote.
-            relabelling: of a method that brings its own; None for that of the config.
+            folder: keep the arrays in memory-mapped files in this folder. They are scratch space: a run resumes from
+                the files of `save`.
+            relabelling: of a method that has its own; None for that of the config.
         """
         self.config, self.compute_reward, self.steps = config, compute_reward, steps
         self._relabelling, self.goal_weights = relabelling, None
@@ -122,7 +121,7 @@ class EpisodeReplay:
         self.added = self._saved = 0
 
     def __len__(self) -> int:
-        """Episodes held."""
+        """Number of episodes in the replay."""
         return min(self.added, self.config.capacity)
 
     def add(self, episodes: Episodes) -> None:
@@ -150,31 +149,31 @@ class EpisodeReplay:
 
     def _clear_index(self) -> None:
         n_goals = len(self.valid_goals)
-        self.ends, self.arrivals = Queues(n_goals), Queues(KINDS * n_goals)
+        self.ends, self.arrivals = Queues(n_goals), Queues(N_ARRIVAL_KINDS * n_goals)
 
     def _index(self, slots: np.ndarray) -> None:
-        """Enter the episodes in slots (K,), oldest first."""
+        """Add the episodes in slots (K,), oldest first, to the index."""
         self.goal_ids[slots] = self._table.indices(self.arrays["achieved_goal"][slots])
         self.ends.push(*self._ends_of(slots))
         self.arrivals.push(*self._arrivals_of(slots))
 
     def _ends_of(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Goals that the episodes in slots (K,) ended in, where valid, and the slots."""
+        """Valid goals that episodes in slots (K,) ended in, and these episodes' slots."""
         goals = self.goal_ids[slots, -1]
         return goals[goals >= 0], slots[goals >= 0]
 
     def _arrivals_of(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Groups and places of all arrivals in the episodes in slots (K,)."""
+        """Groups and positions of all arrivals in the episodes in slots (K,)."""
         goals, achieved = self.goal_ids[slots], self.arrays["achieved_goal"]
         k, step = np.nonzero((goals[:, 1:] >= 0) & (goals[:, 1:] != goals[:, :-1]))
         slot, step = slots[k], step + 1
         kinds = arrival_kinds(achieved[slot, step - 1], achieved[slot, step], self._on_bits)
-        return KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
+        return N_ARRIVAL_KINDS * self.goal_ids[slot, step] + kinds, slot * (self.steps + 1) + step
 
     def sample(
         self, batch_size: int, generator: np.random.Generator, n_particles: int = 0, episodes: bool = False
     ) -> dict[str, np.ndarray | None]:
-        """Draw transitions and, if wanted, particles and their episodes. Raises ValueError if the replay is empty.
+        """Draw transitions and, on request, particles and the transitions' episodes. Raises ValueError if empty.
 
         Returns contiguous arrays named like the fields of `curiobench.methods.reward.Batch`: observations (B, D),
         actions (B, A) and rewards (B,) float32, goals (B, bits) uint8, step and episode (B,) int64; particles (P, D),
@@ -185,7 +184,7 @@ class EpisodeReplay:
         if self._relabelling is None:
             slot, step, desired = RELABELLINGS[self.config.relabelling](self, batch_size, generator)
         else:
-            # needs torch, which `train --help` does without
+            # imports torch, which `train --help` does not need
             from curiobench.methods.goal_guard import transitions_drawn
 
             slot, step, desired = transitions_drawn(self._relabelling, self, batch_size, generator)
@@ -213,9 +212,9 @@ class EpisodeReplay:
     def draw_episodes(self, uniform: np.ndarray) -> np.ndarray:
         """Slots (B,) from numbers (2, B) in [0, 1): first a goal, then an episode that ended in it.
 
-        Goals are drawn by `goal_weights`, any episode standing for one that none ended in. Without weights goals are
-        uniform over those that an episode ended in; where the config does not balance them, or there is none, episodes
-        are uniform.
+        With `goal_weights`, goals are drawn by them, and a goal that no episode ended in gives a uniform episode.
+        Without weights, goals are uniform over those that episodes ended in. If the config does not balance goals, or
+        there is no such goal, episodes are uniform.
         """
         counts = self.ends.counts
         if self.goal_weights is not None:
@@ -230,7 +229,7 @@ class EpisodeReplay:
         return slots
 
     def _draw_states(self, size: int, generator: np.random.Generator) -> np.ndarray:
-        """`size` observations (size, D), uniformly over all that a step led to."""
+        """`size` observations (size, D), uniform over all episodes and all steps but the start."""
         slot, step = generator.integers(len(self), size=size), generator.integers(1, self.steps + 1, size=size)
         return self.arrays["observation"][slot, step]
 

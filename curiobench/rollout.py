@@ -1,4 +1,4 @@
-"""Episodes in all worlds at once. Training, evaluation, videos and probes share this loop."""
+"""The loop over the steps of an episode, in all worlds at once; for training, evaluation, videos and probes."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,65 +23,66 @@ class Rollout(NamedTuple):
     episodes: Episodes
     """N episodes."""
     intact: np.ndarray
-    """`(N,)` bool. False where the physics diverged: that world was reset in mid-episode, which no action explains."""
+    """`(N,)` bool. False if the physics diverged, and the world was reset during the episode."""
     reward: np.ndarray
     """`(N,)` rewards of the last step."""
 
 
 def play(
-    worlds: "BatchedStacking", seen: "Observation", act: Act, watch: Callable[[], object] = lambda: None
+    worlds: "BatchedStacking", observation: "Observation", act: Act, watch: Callable[[], object] = lambda: None
 ) -> Rollout:
     """Play an episode in every world.
 
     Args:
         worlds: N worlds, just reset; left at the end of their episodes.
-        seen: their first observation.
+        observation: their first observation.
         act: called once a step, for all worlds together.
-        watch: called in each of the `worlds.horizon` + 1 states, for pictures and positions.
+        watch: called in each of the `worlds.horizon` + 1 states, for example to render.
 
-    Raises NonFiniteError where an observation is NaN or infinite; names the step, the world and the entry.
+    Raises NonFiniteError, which names step, world and entry, if an observation is NaN or infinite.
     """
     states, actions, intact, reward = [], [], np.ones(worlds.n_worlds, bool), None
     for step in range(worlds.horizon + 1):
         if step > 0:
-            actions.append(act(seen))
-            seen, reward = worlds.step(actions[-1])
+            actions.append(act(observation))
+            observation, reward = worlds.step(actions[-1])
             intact &= ~worlds.diverged
-        _check_finite(seen.observation, step)
-        states.append(seen)
+        _check_finite(observation.observation, step)
+        states.append(observation)
         watch()
-    observation = np.stack([state.observation for state in states], axis=1)
+    observations = np.stack([state.observation for state in states], axis=1)
     achieved = np.stack([state.achieved_goal for state in states], axis=1).astype(np.uint8)
-    return Rollout(Episodes(observation, achieved, np.stack(actions, axis=1), seen.desired_goal), intact, reward)
+    episodes = Episodes(observations, achieved, np.stack(actions, axis=1), observation.desired_goal)
+    return Rollout(episodes, intact, reward)
 
 
 def policy(agent: LearningAgent, deterministic: bool = False) -> Act:
     """The agent's policy, for `play`."""
-    return lambda seen: agent.act(seen.observation, seen.achieved_goal, seen.desired_goal, deterministic)
+    return lambda now: agent.act(now.observation, now.achieved_goal, now.desired_goal, deterministic)
 
 
 def collect(
     worlds: "BatchedStacking", agent: LearningAgent, goals: np.ndarray, tested: np.ndarray | None = None
 ) -> tuple[Episodes, np.ndarray]:
-    """One episode in every world, by the agent's stochastic policy.
+    """Collect an episode in every world with the agent's stochastic policy.
 
     Args:
         worlds: N worlds, just reset.
         agent: chooses actions.
-        goals: `(N, bits)` what each world's episode pursues.
-        tested: `(N,)` bool, episodes in which the policy is deterministic instead.
+        goals: `(N, bits)` the desired goal of each episode.
+        tested: `(N,)` bool, episodes that use the deterministic policy.
 
     Returns:
-        The episodes, less those whose physics diverged, and `(N,)` bool, which ones they are.
+        Episodes whose physics did not diverge, and a mask `(N,)` of these.
 
     Raises NonFiniteError as `play`.
     """
     explore, test = policy(agent), policy(agent, deterministic=True)
 
-    def act(seen: "Observation") -> np.ndarray:
-        action = explore(seen)
+    def act(now: "Observation") -> np.ndarray:
+        action = explore(now)
         if tested is not None and tested.any():
-            action[tested] = test(type(seen)(*(part[tested] for part in vars(seen).values())))
+            action[tested] = test(type(now)(*(part[tested] for part in vars(now).values())))
         return action
 
     episodes, intact, _ = play(worlds, worlds.pursue(goals), act)
@@ -89,7 +90,7 @@ def collect(
 
 
 def successes(episodes: Episodes) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each episode ended in its desired goal, and whether it already held at the start: both `(N,)` bool."""
+    """Whether each episode ends in its desired goal, and whether it starts in it: both `(N,)` bool."""
     holds = (episodes.achieved_goal[:, [0, -1]] == episodes.desired_goal[:, None]).all(axis=-1)
     return holds[:, 1], holds[:, 0]
 

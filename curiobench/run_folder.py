@@ -16,7 +16,7 @@ from curiobench.errors import pasted
 from curiobench.files import now, read_json, sync, write_json, writing_to
 from curiobench.versions import versions
 
-FORMAT = "curiobench run"
+RUN_FORMAT = "curiobench run"
 CHECKPOINT = Path("checkpoint")
 """Folder of the checkpoints, within the run's."""
 REPLAY = CHECKPOINT / "replay"
@@ -114,12 +114,12 @@ class RunFolder(AbstractContextManager):
         if finished and not self.replay.is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
-                "made longer"
+                "lengthened"
             )
         tested = [int(row["epoch"]) for row in read_rows(self.path / "evaluations.csv")]
         if tested and tested[-1] % begun.evaluate_every:
             raise ValueError(
-                f"{self.path} cannot be made longer: it was tested after epoch {tested[-1]}, where a longer run with "
+                f"{self.path} cannot be lengthened: it was evaluated after epoch {tested[-1]}, where a longer run with "
                 f"evaluate_every {begun.evaluate_every} is not"
             )
         record = read_record(self.path)
@@ -134,7 +134,7 @@ class RunFolder(AbstractContextManager):
             self._write_record(self._longer)
 
     def _write_config(self, command: Sequence[str]) -> None:
-        record = {"format": FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
+        record = {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
         record |= {"versions": versions(self.config.method), "command": list(command), "created": now()}
         self._write_record(record)
 
@@ -232,7 +232,7 @@ def read_record(path: Path) -> dict[str, Any]:
         why = "it has no config.json" if path.is_dir() else "it is no folder" if path.exists() else "it does not exist"
         raise ValueError(f"{path} is no run folder: {why}")
     record = read_json(path / "config.json")
-    if record.get("format") != FORMAT:
+    if record.get("format") != RUN_FORMAT:
         raise ValueError(f"{path / 'config.json'} is not a run's: its format is {record.get('format')!r}")
     return record
 

@@ -1,4 +1,4 @@
-"""Everything that training changes: worlds, agent, replay, random streams and counters; saved and restored together."""
+"""The state of training: worlds, agent, replay, random streams and counters, saved and restored together."""
 
 import os
 import platform
@@ -28,35 +28,35 @@ from curiobench.rollout import collect, successes
 from curiobench.tasks import BatchedStacking
 
 STREAMS = ("worlds", "goals", "replay", "agent")
-"""Random streams of a run, spawned from its seed by position: append only, or every run changes."""
+"""Random streams of a run, spawned from its seed by position. Only append: another order changes every run."""
 
-PARTS = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
-"""Parts of a run's wall-clock time."""
-WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PARTS))
+PHASES = ("collecting", "sampling", "updating", "evaluating", "checkpointing")
+"""What the wall-clock time of a run is spent on."""
+WALL_CLOCK = ("seconds", *(f"seconds_{part}" for part in PHASES))
 """Columns of progress.csv that may differ between two runs of one config; they come last."""
 
 
 @dataclass
 class Counters:
-    """Progress of training, and the sums behind the next row of progress.csv. Plain values only."""
+    """Progress of training, and sums for the next row of progress.csv. Plain values only."""
 
     epoch: int = 0
     """Epochs completed."""
     cycle: int = 0
-    """Cycles completed of the present epoch."""
+    """Cycles completed in the current epoch."""
     steps: int = 0
     """Steps collected, in all worlds together."""
     updates: int = 0
     """Gradient updates made."""
     sums: dict[str, float] = field(default_factory=dict)
-    """Sums over the present epoch of what `collect` counts; by name."""
+    """Sums over the current epoch of what `collect` counts, by name."""
     metrics: dict[str, float] = field(default_factory=dict)
-    """Sums over the present epoch's cycles of the means of the agent's metrics; by name."""
+    """Sums over the current epoch's cycles of the mean of each metric of the agent, by name."""
     seconds: dict[str, float] = field(default_factory=dict)
-    """Wall-clock seconds since training began, by part."""
+    """Wall-clock seconds since training began, by phase."""
 
     peak_memory_mb: float = 0.0
-    """Largest memory of any of the run's processes, as last noted."""
+    """Largest memory of any of the run's processes so far."""
 
     def note_memory(self) -> float:
         """Update `peak_memory_mb` by this process, and return it."""
@@ -65,7 +65,7 @@ class Counters:
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
-        """Count the time that a block of code takes under `part`."""
+        """Add the time that a block of code takes to the phase `part`."""
         started = time.perf_counter()
         yield
         self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - started
@@ -82,14 +82,14 @@ def _peak_memory_mb() -> float:
 
 
 class TrainingState:
-    """A run in progress.
+    """State of a run between two rollouts or updates.
 
     Attributes:
         agent: learns and acts.
         replay: the episodes it learns from.
         curriculum: draws the goals that episodes pursue.
         counters: progress and sums.
-        reached: `(G,)` bool, the valid goals that an episode has ever ended in.
+        reached: `(G,)` bool, valid goals that an episode of this run has ended in.
     """
 
     def __init__(self, config: RunConfig, mapped_replay: Path) -> None:
@@ -112,20 +112,20 @@ class TrainingState:
         self.replay.goal_weights = goal_weights(self.curriculum)
 
     def collect(self) -> None:
-        """One episode in every world, into the replay, the normalisers and the set of reached goals."""
+        """Collect an episode in every world, and update the replay, the normalisers and the reached goals."""
         size, valid = self.config.worlds, self._goal_space.goals
         biased = self.config.starts == "biased" and self.counters.epoch >= self.config.biased_from_epoch
         with self.counters.timed("collecting"):
             start = self._worlds.reset(biased=biased, goals=np.broadcast_to(valid[0], (size, valid.shape[1])))
             situation = Situation(self.reached.copy(), start.achieved_goal)
             goals, tested = goals_drawn(self.curriculum, situation, self._generators["goals"])
-            episodes, whole = collect(self._worlds, self.agent, valid[goals], tested)
+            episodes, intact = collect(self._worlds, self.agent, valid[goals], tested)
             self.replay.add(episodes)
             desired = np.broadcast_to(episodes.desired_goal[:, None], episodes.achieved_goal.shape)
             self.agent.observe(episodes.observation, episodes.achieved_goal, desired, episodes.action)
         ends = self._goal_space.indices(episodes.achieved_goal[:, -1])
         with blamed(self.curriculum, "observe"):
-            self.curriculum.observe(goals[whole], ends, tested[whole])
+            self.curriculum.observe(goals[intact], ends, tested[intact])
         self.replay.goal_weights = goal_weights(self.curriculum)
         self.reached[ends[ends >= 0]] = True
         self.counters.steps += size * self._worlds.horizon
@@ -152,7 +152,7 @@ class TrainingState:
                 batch = Batch.from_numpy(self._sample())
             with self.counters.timed("updating"):
                 metrics = self.agent.update(batch, epoch)
-                # summed as tensors: reading each one would make a GPU wait
+                # sum tensors: reading each value would make a GPU wait
                 totals |= {name: value + totals.get(name, 0) for name, value in metrics.items()}
                 counts.update(metrics.keys())
         for name, total in totals.items():
@@ -162,13 +162,13 @@ class TrainingState:
         self.counters.updates += self.config.updates
 
     def _sample(self) -> dict[str, np.ndarray | None]:
-        """A batch, and what else the curiosity method asks for."""
+        """A batch, with particles and episodes if the curiosity method uses them."""
         curiosity = self.agent.learner.curiosity
         wanted = () if curiosity is None else (curiosity.method.n_particles, curiosity.method.uses_episode)
         return self.replay.sample(self.config.batch_size, self._generators["replay"], *wanted)
 
     def end_epoch(self) -> None:
-        """Count an epoch and start the sums of the next."""
+        """Count the epoch and reset its sums."""
         with blamed(self.curriculum, "end_epoch"):
             self.curriculum.end_epoch()
         self.replay.goal_weights = goal_weights(self.curriculum)
@@ -178,9 +178,10 @@ class TrainingState:
         self.counters.metrics.clear()
 
     def save(self, folder: Path) -> dict[str, Any]:
-        """All but the agent: the replay's new episodes go to `folder`, the rest is returned as plain values for JSON.
+        """Save all state but the agent's: write the replay's new episodes to `folder`, and return the rest for JSON.
 
-        The worlds' positions are not kept: a checkpoint is taken between episodes, and `collect` begins with a reset.
+        Positions in the worlds are not saved: a checkpoint is taken between episodes, and `collect` starts with a
+            reset.
         """
         return {
             "replay": self.replay.save(folder),
@@ -210,7 +211,7 @@ class TrainingState:
 
 
 def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[str, Any]:
-    """A row of progress.csv about the epoch that ends now; a value is None where nothing was measured."""
+    """The row of progress.csv for the epoch that ends now. Values that were not measured are None."""
     counters, sums = state.counters, state.counters.sums
     row = {
         "epoch": counters.epoch + 1,
@@ -226,12 +227,12 @@ def progress_row(state: TrainingState, evaluation: Evaluation | None) -> dict[st
     }
     row |= {name: total / state.config.cycles for name, total in counters.metrics.items()}
     row |= curriculum_metrics(state.curriculum)
-    seconds = [counters.seconds.get(part, 0.0) for part in PARTS]
+    seconds = [counters.seconds.get(part, 0.0) for part in PHASES]
     return row | dict(zip(WALL_CLOCK, [sum(seconds), *seconds], strict=True))
 
 
 def result(state: TrainingState, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The content of result.json: a summary of the last evaluation, from the rows of evaluations.csv, and the cost."""
+    """The content of result.json: the last evaluation, from the rows of evaluations.csv, and the cost of the run."""
     last = last_evaluation(rows)
     layers = learned_by_layer(last)
     return {

@@ -1,4 +1,4 @@
-"""Rows of progress.csv for TensorBoard, Weights & Biases and MLflow. None of it changes the run, or can end it."""
+"""Rows of progress.csv for TensorBoard, Weights & Biases and MLflow. They cannot change or stop the run."""
 
 import hashlib
 import os
@@ -20,10 +20,10 @@ class Tracker(Protocol):
     """Logs a run; made from its config, its folder, and the first epoch that is to come. May raise anything."""
 
     def log(self, values: Mapping[str, float], epoch: int) -> None:
-        """The numbers of an epoch."""
+        """Log the numbers of an epoch."""
 
     def close(self) -> None:
-        """The run ends, for good or to go on later."""
+        """Called at the end of the run, finished or not."""
 
 
 class TensorBoard:

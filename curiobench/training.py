@@ -1,4 +1,4 @@
-"""Training, top to bottom: epochs of cycles, each of which collects episodes and then learns from the replay."""
+"""The training loop. An epoch is a number of cycles; a cycle collects episodes, then updates the agent."""
 
 import shutil
 import traceback
@@ -23,18 +23,18 @@ from curiobench.versions import versions
 
 
 def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[str] = ()) -> None:
-    """Train, evaluate and report one run in its folder.
+    """Train and evaluate an agent, and write everything to its run folder.
 
     Args:
-        config: decides every number.
+        config: all options of the run.
         out: the run folder.
-        resume: continue what is there.
-        command: the command line, for the record.
+        resume: continue the run in the folder, if there is one.
+        command: the command line, which is recorded.
 
     Raises:
-        ValueError: nothing was begun: the folder is in use, finished, not writable or of another config, its checkpoint
+        ValueError: before training: the folder is in use, finished, not writable or of another config, its checkpoint
             is damaged, or this machine lacks the memory, the device or an extra.
-        RunFailed: NaN, a full disk, a fault in a method; `error.log` in the folder has the details.
+        RunFailed: NaN, a full disk, an error in a method. `error.log` in the folder has the traceback.
         Interrupted: on Ctrl-C or SIGTERM.
     """
     check_device(config.device)
@@ -42,14 +42,14 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
         try:
-            run = Run(folder, config, stop)
+            run = TrainingRun(folder, config, stop)
         except BaseException as error:
             folder.withdraw()
             if isinstance(error, OSError | MemoryError | MethodError):
                 raise ValueError(f"cannot begin {out}: {error}") from error
             raise
         try:
-            run.to_the_end()
+            run.train()
         except (Interrupted, KeyboardInterrupt):
             raise
         except Exception as error:
@@ -58,8 +58,8 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
             run.display.close()
 
 
-class Run:
-    """The loop, on one run folder."""
+class TrainingRun:
+    """The training loop of one run folder."""
 
     def __init__(self, folder: RunFolder, config: RunConfig, stop: StopRequest) -> None:
         """Builds worlds, agent and replay, and restores the newest checkpoint; raises ValueError if it is damaged."""
@@ -78,8 +78,8 @@ class Run:
         if changed := _changed_versions(folder.path, config.method):
             self.display.note(f"resumed under other versions, numbers may differ: {changed}")
 
-    def to_the_end(self) -> None:
-        """Train what is left of the epochs and write the result."""
+    def train(self) -> None:
+        """Train the epochs that are left and write the result."""
         counters, config = self.state.counters, self.config
         if counters.steps == 0:
             self._evaluate(epoch=0)
@@ -96,11 +96,11 @@ class Run:
 
     @property
     def where(self) -> str:
-        """The present epoch and cycle, for messages; the first are 1."""
+        """The current epoch and cycle, for messages; both count from 1."""
         return f"epoch {self.state.counters.epoch + 1}, cycle {self.state.counters.cycle + 1}"
 
     def _end_epoch(self) -> None:
-        """Evaluate, write the epoch's row and a checkpoint, each as often as the config says."""
+        """Evaluate and save if they are due, and write the epoch's row of progress.csv."""
         config = self.config
         epoch = self.state.counters.epoch + 1
         last = epoch == config.epochs
@@ -134,7 +134,7 @@ class Run:
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 
     def _restore(self) -> None:
-        """Restore the newest checkpoint, if any, and cut off rows of the csv files that were written after it."""
+        """Restore the newest checkpoint, if any, and remove rows of the csv files that were written after it."""
         path = self.folder.checkpoint
         saved = checkpoint.load(path, self.config.fingerprint())
         if saved is None:
@@ -152,7 +152,7 @@ class Run:
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
         try:
             curve = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
-        except Exception as error:  # whatever matplotlib, its settings or the disk do: the run is finished
+        except Exception as error:  # the run is finished, whatever goes wrong with its picture
             curve = f"not drawn: {_first_line(error)}"
         self.display.note(f"learning curve: {curve}\nresult: {self.folder.path / 'result.json'}")
         shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
@@ -161,13 +161,13 @@ class Run:
 
 
 def _changed_versions(path: Path, method: str) -> str:
-    """Versions that differ from those that the run was started under, if it recorded them, as text; empty if none."""
+    """Versions that differ from those recorded when the run was started, as text; empty if none."""
     then, now = read_record(path)["versions"], versions(method)
     return ", ".join(f"{name} {now[name]}, was {then[name]}" for name in now if then.get(name, now[name]) != now[name])
 
 
 def _kept(out: Path) -> str:
-    """Write the traceback to error.log, if possible. Returns what is kept, for the message."""
+    """Write the traceback to error.log, if possible. Returns the part of the message that says what is kept."""
     kept = "; the last checkpoint is kept" if (out / CHECKPOINT).exists() else ""
     with suppress(OSError):
         (out / "error.log").write_bytes(utf8(traceback.format_exc()))

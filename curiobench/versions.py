@@ -13,7 +13,7 @@ PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own, as tables compare them."""
 _YOUNGER = ("numba",)
 """Others that do, which older runs did not record."""
-ENVIRONMENT = (
+ENVIRONMENT_VARIABLES = (
     *("ATEN_CPU_CAPABILITY", "DNNL_MAX_CPU_ISA", "ONEDNN_MAX_CPU_ISA", "MKL_CBWR", "MKL_ENABLE_INSTRUCTIONS"),
     *("NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES", "OPENBLAS_CORETYPE"),
     *("NUMBA_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_DISABLE_JIT", "NUMBA_OPT"),
@@ -23,7 +23,7 @@ ENVIRONMENT = (
 
 def versions(method: str) -> dict[str, str | int | None]:
     """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, the
-    variables of `ENVIRONMENT` that are set, and the git commit of this package if it has any.
+    variables of `ENVIRONMENT_VARIABLES` that are set, and the git commit of this package if it has any.
 
     Where the method spec `method` is of a method from outside, also that method's file and its digest.
     """
@@ -31,7 +31,7 @@ def versions(method: str) -> dict[str, str | int | None]:
 
     packages = {name: version(name) for name in (*PACKAGES, *_YOUNGER)}
     protocol = {"task_version": TASK_VERSION, "evaluation_seed": EVALUATION_SEED}
-    environment = " ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT if os.environ.get(name))
+    environment = " ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT_VARIABLES if os.environ.get(name))
     own = {"environment": environment, "git_commit": git_commit()}
     return {"python": platform.python_version(), **packages, **protocol, **own, **traced(method)}
 

@@ -1,4 +1,4 @@
-"""Films of an agent at work, without a screen."""
+"""Videos of an agent, rendered without a screen."""
 
 import re
 import tempfile
@@ -48,8 +48,8 @@ def film(
     renderer, frames, reached = WorldRenderer(worlds.model), [], 0
     try:
         for _ in range(episodes):
-            seen, act = worlds.reset(goals=bits), policy(agent, deterministic=True)
-            played = play(worlds, seen, act, lambda: frames.append(renderer.render(worlds.qpos[0]).copy()))
+            observation, act = worlds.reset(goals=bits), policy(agent, deterministic=True)
+            played = play(worlds, observation, act, lambda: frames.append(renderer.render(worlds.qpos[0]).copy()))
             reached += int(played.reward[0] > 0)
     finally:
         renderer.close()
@@ -69,8 +69,8 @@ def _write(path: Path, frames: np.ndarray) -> None:
         options = {"fps": round(1 / CONTROL_TIMESTEP), "macro_block_size": 16}
     try:
         content = imageio.imwrite("<bytes>", frames, extension=path.suffix, **options)
-        if path.suffix == ".mp4" and b"moov" not in content:  # the index at its end; nobody tells that ffmpeg failed
-            raise OSError(f"ffmpeg wrote no whole video; is there space in {tempfile.gettempdir()}?")
+        if path.suffix == ".mp4" and b"moov" not in content:  # the index at its end is missing if ffmpeg failed
+            raise OSError(f"ffmpeg wrote no complete video; is there space in {tempfile.gettempdir()}?")
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, lambda file: file.write(content))
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Measures what docs/fidelity.md tells, writes the tables into it, and draws its pictures: `make fidelity`."""
+"""Measures the numbers of docs/fidelity.md, writes the tables into it, and draws its pictures: `make fidelity`."""
 
 import sys
 from pathlib import Path

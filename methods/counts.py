@@ -69,5 +69,5 @@ class Counts(IntrinsicReward):
         return {"codes": self.codes.clone(), "visits": self.visits.clone()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore a `state_dict`."""
         self.codes, self.visits = (state[name].to(self.codes.device, copy=True) for name in ("codes", "visits"))

@@ -1,4 +1,4 @@
-"""A curiosity method inside an agent: what it sees, its reward normalised, and its faults named."""
+"""A curiosity method inside an agent: prepares its inputs, normalises its reward and checks what it returns."""
 
 import math
 from collections.abc import Callable
@@ -11,13 +11,13 @@ from curiobench.methods.agents.losses import Metrics
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.guard import (
     blamed,
+    checks_values,
     fault,
     flaw_of_metrics,
     flaw_of_reward,
     flaw_of_state,
     flaw_of_term,
     flaw_of_values,
-    looks_at_values,
 )
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.reward import Batch, Collected, IntrinsicReward, PolicyView, Transitions
@@ -30,14 +30,14 @@ class Curiosity:
     """A method, the statistics that z-score its reward, and its weight tau.
 
     Every call of the method goes through here, and raises MethodError where the method raises or breaks a rule of
-    `IntrinsicReward`. The agent, the hybrid mechanism and the probe hold it alike.
+    `IntrinsicReward`. SAC, the hybrid mechanism and the probe all use this class.
 
     Attributes:
         method: the curiosity method.
-        moments: of all r_int so far, or of those within a window.
-        factor: the method's factor of tau, as of the last batch.
-        scale: a further factor of tau, which the hybrid mechanism may steer.
-        updates: batches that the method has learned from.
+        moments: running mean and variance of r_int, over all updates or a window.
+        factor: the method's factor of tau at the last batch.
+        scale: a further factor of tau, set by the hybrid mechanism with `adaptive_tau`.
+        updates: number of batches that the method has learned from.
     """
 
     def __init__(
@@ -53,8 +53,8 @@ class Curiosity:
             method: the curiosity method.
             layout: where blocks stand in a state.
             tau: weight of the normalised reward, before its factors.
-            window: updates over which the statistics forget; None for all history.
-            device: where the statistics live.
+            window: number of updates over which old statistics decay; None keeps all history.
+            device: of the statistics.
         """
         self.method, self._tau = method, tau
         self.moments = RunningMoments((), min_std=1e-8, window=window, device=device)
@@ -65,22 +65,22 @@ class Curiosity:
 
     @property
     def tau(self) -> float:
-        """Weight of curiosity now."""
+        """Present weight of the intrinsic reward."""
         return self._tau * self.factor * self.scale
 
     def visible(self, state: Tensor) -> Tensor:
-        """What the method sees (..., S) of normalised states (..., D)."""
+        """The columns (..., S) of normalised states (..., D) that the method reads."""
         return state if self._columns is None else state[..., self._columns]
 
     def transitions(
         self, states: tuple[Tensor, Tensor], batch: Batch, epoch: int, policy: PolicyView | None, normalise: Normalise
     ) -> Transitions:
-        """What the method sees of a batch.
+        """The method's input for a batch.
 
         Args:
             states: normalised, (B, D), before and after the step.
-            batch: the rest, on any device and of any numeric type.
-            epoch: of the paper's 500.
+            batch: the raw batch, on any device and of any numeric type.
+            epoch: on the paper's scale of 500.
             policy: for a method with `uses_policy`.
             normalise: raw observations (..., D) to states.
         """
@@ -89,25 +89,25 @@ class Curiosity:
         def moved(part: Maybe, dtype: torch.dtype | None = torch.float32) -> Maybe:
             return None if part is None else part.to(before.device, dtype or part.dtype)
 
-        def seen(raw: Tensor | None, wanted: bool) -> Tensor | None:
+        def normalised(raw: Tensor | None, wanted: bool) -> Tensor | None:
             return self.visible(normalise(moved(raw))) if wanted and raw is not None else None
 
-        whole = self.method.uses_episode
+        with_episode = self.method.uses_episode
         return Transitions(
             before,
             moved(batch.action),
             after,
             epoch,
             policy,
-            seen(batch.particles, self.method.n_particles > 0),
+            normalised(batch.particles, self.method.n_particles > 0),
             achieved_goal=moved(batch.achieved_goal),
             next_achieved_goal=moved(batch.next_achieved_goal),
             raw_state=moved(batch.observation),
             raw_next_state=moved(batch.next_observation),
             step=moved(batch.step, None),
             episode=moved(batch.episode, None),
-            episode_states=seen(batch.episode_observation, whole),
-            episode_achieved_goals=moved(batch.episode_achieved_goal) if whole else None,
+            episode_states=normalised(batch.episode_observation, with_episode),
+            episode_achieved_goals=moved(batch.episode_achieved_goal) if with_episode else None,
         )
 
     def observe(self, observation: Tensor, action: Tensor, achieved_goal: Tensor, normalise: Normalise) -> None:
@@ -118,18 +118,21 @@ class Curiosity:
 
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,), raw: finite, float32 and without gradients."""
-        # with gradients allowed, a method that forgets @torch.no_grad() is found out here and not in another agent
+        # gradients are enabled so that a method without @torch.no_grad() fails here
         with blamed(self.method, "reward", self.updates), torch.enable_grad():
             reward = self.method.reward(transitions)
         found = flaw_of_reward(reward, len(transitions.state))
-        if not found and looks_at_values(reward, self.updates):
+        if not found and checks_values(reward, self.updates):
             found = flaw_of_values(reward)
         self._refuse("reward", found)
         return reward
 
     @torch.no_grad()
     def learn(self, transitions: Transitions) -> tuple[Tensor, Tensor, Metrics]:
-        """r_int (B,), raw and z-scored by past statistics, from before the method learns from this batch; metrics."""
+        """Score a batch, then let the method learn from it.
+
+        Returns r_int (B,), raw and z-scored by the statistics before this batch, and metrics.
+        """
         self.factor = self._factor(transitions.epoch)
         raw = self.reward(transitions)
         normalised = self.moments.normalise(raw)
@@ -145,14 +148,14 @@ class Curiosity:
         return raw, normalised, metrics | learned
 
     def policy_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
-        """The method's term (B,) in the policy's loss for the policy's own actions (B, A), or None."""
+        """The method's term (B,) in the policy's loss for actions (B, A) drawn from the policy, or None."""
         update = self.updates - 1  # the method has learned from this batch already
         with blamed(self.method, "policy_loss_term", update):
             term = self.method.policy_loss_term(transitions, desired_goal, action)
         if term is None:
             return None
         found = flaw_of_term(term, len(action))
-        if not found and looks_at_values(term, update):
+        if not found and checks_values(term, update):
             found = flaw_of_values(term.detach())
         self._refuse("policy_loss_term", found, update)
         return term
@@ -165,13 +168,13 @@ class Curiosity:
         return float(factor)
 
     def _update(self, transitions: Transitions) -> Metrics:
-        """The method's own step; its metrics, of the same names each time: progress.csv has one set of columns."""
+        """The method's gradient step. Its metrics have the same names each time: they are columns of progress.csv."""
         with blamed(self.method, "update", self.updates), torch.enable_grad():
             metrics = self.method.update(transitions)
         found = flaw_of_metrics(metrics, self._names)
         self._refuse("update", found)
         for name, value in metrics.items():
-            if looks_at_values(value, self.updates) and not value.isfinite():
+            if checks_values(value, self.updates) and not value.isfinite():
                 self._refuse("update", f"{name} = {value.item()}; expected a finite number")
         return metrics
 
@@ -188,7 +191,7 @@ class Curiosity:
         return {"method": state, "moments": self.moments.state_dict(), **own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave. Raises MethodError where the method does not take its own."""
+        """Restore a `state_dict`. Raises MethodError where the method cannot load its part."""
         self.moments.load_state_dict(state["moments"])
         self.factor, self.scale, self.updates = state["factor"], state["scale"], state["updates"]
         with blamed(self.method, "load_state_dict", self.updates):

@@ -36,7 +36,7 @@ class Goals:
 
 @dataclass(frozen=True)
 class Situation:
-    """What a curriculum may look at when it draws."""
+    """What a curriculum can base its draw on."""
 
     reached: np.ndarray
     """`(G,)` bool, which goals an episode has ended in."""
@@ -90,4 +90,4 @@ class Curriculum(GoalMethod):
         return {}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore a `state_dict`."""

@@ -119,7 +119,7 @@ class DECSTR(Curriculum):
         return {"tests": [list(tests) for tests in self.tests], **arrays}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave. Raises ValueError where the number of buckets differs."""
+        """Restore a `state_dict`. Raises ValueError where the number of buckets differs."""
         if len(state["tests"]) != self.n_buckets:
             raise ValueError(f"the saved curriculum has {len(state['tests'])} buckets, not {self.n_buckets}")
         self.tests = [deque(tests, maxlen=self.config.window) for tests in state["tests"]]

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from curiobench.methods.plugins import Method, file_of, summary
+from curiobench.methods.plugins import Method, error_line, file_of
 
 CUDA_CHECK_EVERY = 100
 """Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
@@ -52,7 +52,7 @@ def blamed(method: Method, call: str, update: int | None = None) -> Iterator[Non
     try:
         yield
     except (Exception, SystemExit) as error:
-        raise fault(method, update, f"{call}() raised {summary(error)}") from error
+        raise fault(method, update, f"{call}() raised {error_line(error)}") from error
 
 
 def flaw_of_reward(reward: object, size: int) -> str | None:
@@ -132,8 +132,8 @@ def outline(value: object) -> str:
     return f"a {value.dtype} tensor of shape {tuple(value.shape)}{gradients}"
 
 
-def looks_at_values(tensor: Tensor, update: int) -> bool:
-    """Whether this update may wait for a tensor's values."""
+def checks_values(tensor: Tensor, update: int) -> bool:
+    """Whether values are checked at this update; reading them from a GPU makes it wait."""
     return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
 
 

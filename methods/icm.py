@@ -1,4 +1,4 @@
-"""ICM, the intrinsic curiosity module (Pathak et al. 2017, arXiv 1705.05363): novel is what one cannot predict.
+"""ICM, the intrinsic curiosity module (Pathak et al. 2017, arXiv 1705.05363): prediction error as novelty.
 
     encoder       phi(s)
     inverse model a^ = g(phi(s), phi(s'))       L_I = mean over batch and actions of (a^ - a)²

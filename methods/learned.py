@@ -88,6 +88,6 @@ class LearnedReward(IntrinsicReward):
         return copy.deepcopy({name: getattr(self, name).state_dict() for name in self._STATEFUL})
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave. Raises KeyError, ValueError or RuntimeError where sizes differ."""
+        """Restore a `state_dict`. Raises KeyError, ValueError or RuntimeError where sizes differ."""
         for name in self._STATEFUL:
             getattr(self, name).load_state_dict(copy.deepcopy(state[name]))  # optimisers keep what they are given

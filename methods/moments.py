@@ -84,7 +84,7 @@ class RunningMoments:
         return {"count": self.count.clone(), "mean": self.mean.clone(), "m2": self.m2.clone()}
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        """Restore what `state_dict` gave. Raises ValueError where a shape differs."""
+        """Restore a `state_dict`. Raises ValueError where a shape differs."""
         for name in ("count", "mean", "m2"):
             own = getattr(self, name)
             if state[name].shape != own.shape:

@@ -67,7 +67,7 @@ def load_class(path: str, spec: str) -> type[Method]:
     try:
         found = getattr(module, class_name, None)
     except (Exception, SystemExit) as error:  # a module can compute its names
-        raise ValueError(f"{where}: looking for {class_name} raised {summary(error)}") from error
+        raise ValueError(f"{where}: looking for {class_name} raised {error_line(error)}") from error
     if found is None:
         methods = [name for name, value in vars(module).items() if _is_method(value)]
         raise ValueError(f"{where}: there is no class {class_name!r}; its methods are {', '.join(methods) or 'none'}")
@@ -90,7 +90,7 @@ def _import(name: str, spec: str) -> ModuleType:
             raise ValueError(
                 f"method {spec!r}: there is no module {name!r}, neither installed nor in {os.getcwd()}{advice}"
             ) from None
-        raise ValueError(f"method {spec!r}: {_culprit(error)}: importing {name} raised {summary(error)}") from error
+        raise ValueError(f"method {spec!r}: {_culprit(error)}: importing {name} raised {error_line(error)}") from error
 
 
 def _culprit(error: BaseException) -> str:
@@ -102,7 +102,7 @@ def _culprit(error: BaseException) -> str:
     return next((f"{f.filename}, line {f.lineno}" for f in outside if f.filename != importlib.__file__), "unknown file")
 
 
-def summary(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Type and first line of an error."""
     lines = str(error).strip().splitlines()
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
@@ -123,7 +123,7 @@ def _check_config(method: type[Method], where: str) -> None:
         config()
         hints = get_type_hints(config)
     except Exception as error:
-        raise ValueError(f"{where} cannot be made from its defaults: {summary(error)}") from error
+        raise ValueError(f"{where} cannot be made from its defaults: {error_line(error)}") from error
     for field in fields(config):
         if not _is_plain(hints[field.name]):
             raise ValueError(
@@ -144,7 +144,7 @@ def building(method: type[Method], spec: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        raise ValueError(f"method {spec!r} in {file_of(method)}: building it raised {summary(error)}") from error
+        raise ValueError(f"method {spec!r} in {file_of(method)}: building it raised {error_line(error)}") from error
 
 
 def file_of(method: type[Method]) -> str:

@@ -1,4 +1,4 @@
-"""RE3, random encoders for exploration (Seo et al. 2021, arXiv 2102.09430): novel is what has no near neighbours.
+"""RE3, random encoders for exploration (Seo et al. 2021, arXiv 2102.09430): distance to neighbours as novelty.
 
     y = encoder(s'), fixed and random
     r_int = beta · log(1 + ‖y - k-th nearest neighbour of y‖)      among the features of particles, states of the replay

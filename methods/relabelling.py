@@ -12,7 +12,7 @@ Draw = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Replay(Protocol):
-    """What a relabelling may look at; `curiobench.replay.EpisodeReplay` has it. Read only."""
+    """The part of `curiobench.replay.EpisodeReplay` that a relabelling can read."""
 
     steps: int
     """T, the length of every episode."""

@@ -1,9 +1,9 @@
-"""What a curiosity method is: a reward for a batch of transitions, and one gradient step on its own networks.
+"""The interface of a curiosity method: a reward for a batch of transitions, and one gradient step on its own networks.
 
-A method does not know which agent uses it, and the agent does not know which method it has. An agent does, per batch::
+Methods and agents do not depend on each other. For each batch an agent does::
 
     transitions = Transitions(normalised states, actions, normalised next states, epoch, ...)
-    r_int = method.reward(transitions)          # before the method learns from this very batch
+    r_int = method.reward(transitions)          # before the method learns from this batch
     metrics = method.update(transitions)
     r = r_ext + tau · method.bonus_factor(epoch) · normalise(r_int)    # by past statistics of r_int
 """
@@ -24,7 +24,7 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class Batch:
-    """Sampled transitions as the replay gives them: raw, relabelled, in the task's units."""
+    """Sampled transitions from the replay: raw, in the task's units, with relabelled goals."""
 
     observation: Tensor
     """(B, D) before the step."""
@@ -59,10 +59,10 @@ class Batch:
 
 @dataclass(frozen=True)
 class PolicyView:
-    """What the agent's policy does in a batch's states, for a method with `uses_policy`. Carries no gradients."""
+    """Actions and log-densities of the policy in a batch's states, for a method with `uses_policy`. No gradients."""
 
     desired_goal: Tensor
-    """(B, bits) that the policy pursues, the batch's, relabelled or not."""
+    """(B, bits) goals that the policy pursues: those of the batch, after relabelling."""
     action: Tensor
     """(B, A) drawn from pi(. | s, g)."""
     log_prob: Tensor
@@ -73,10 +73,10 @@ class PolicyView:
 
 @dataclass(frozen=True)
 class Transitions:
-    """What a curiosity method sees of a batch. There is no desired goal: relabelling must not change what is novel.
+    """A batch as a curiosity method gets it. It has no desired goal, because relabelling must not change what is novel.
 
-    Training fills the fields from `achieved_goal` to `episode`. Code that calls a method itself may leave out what the
-    method does not read.
+    Training fills the fields from `achieved_goal` to `episode`. Other callers may leave out fields that the method does
+    not read.
     """
 
     state: Tensor
@@ -86,13 +86,13 @@ class Transitions:
     next_state: Tensor
     """(B, D) normalised and clipped to ±5."""
     epoch: int
-    """Epoch of training, from 0, in a run of the paper's 500; shorter runs count faster. MI's weight of
-    conservativeness depends on it."""
+    """Epoch of training from 0, scaled so that every run has the paper's 500. MI's weight of conservativeness depends
+    on it."""
     policy: PolicyView | None = None
-    """Only for a method with `uses_policy`, which then sees goals."""
+    """Only for a method with `uses_policy`; the one field with desired goals."""
     particles: Tensor | None = None
     """(P, D) states drawn uniformly over all steps of the replay, normalised and clipped to ±5; only for a method with
-    `n_particles`. A batch is no such sample: it is balanced over goals."""
+    `n_particles`. (A batch is balanced over goals, so it is not a uniform sample.)"""
     achieved_goal: Tensor | None = None
     """(B, bits) predicates that hold before the step, 0 or 1."""
     next_achieved_goal: Tensor | None = None
@@ -106,13 +106,13 @@ class Transitions:
     episode: Tensor | None = None
     """(B,) number of the episode, counted over the run."""
     episode_states: Tensor | None = None
-    """(B, T + 1, D) states of each transition's whole episode, normalised and clipped to ±5; only for a method with
+    """(B, T + 1, D) states of the transition's episode, normalised and clipped to ±5; only for a method with
     `uses_episode`. The transition leads from place `step` to the next."""
     episode_achieved_goals: Tensor | None = None
     """(B, T + 1, bits) predicates that hold in them; likewise."""
 
     def rows(self, places: Tensor) -> "Transitions":
-        """Those at places (N,) of the batch."""
+        """The transitions at indices (N,) of the batch."""
         parts: dict[str, Any] = {
             name: part[places] for name, part in vars(self).items() if isinstance(part, Tensor) and name != "particles"
         }
@@ -130,7 +130,7 @@ def given(part: Part | None, name: str) -> Part:
 
 @dataclass(frozen=True)
 class Collected:
-    """N freshly collected episodes of T steps, as a curiosity method sees them."""
+    """N newly collected episodes of T steps, as a curiosity method gets them."""
 
     states: Tensor
     """(N, T + 1, D) normalised and clipped to ±5."""
@@ -141,46 +141,48 @@ class Collected:
 
 
 class IntrinsicReward(ABC):
-    """One curiosity method. Subclasses take `(state_size, action_size, config, generator)`, `config` being an instance
-    of their own frozen dataclass `Config`; all randomness comes from the torch.Generator, whose device is the method's.
-    With `uses_policy` they also take `goal_size`.
+    """A curiosity method.
+
+    Subclasses are built with `(state_size, action_size, config, generator)`, and with `goal_size` if `uses_policy`.
+    `config` is an instance of their frozen dataclass `Config`. All randomness comes from the torch.Generator, and its
+    device is the method's.
     """
 
     Config: type
     uses_policy: ClassVar[bool] = False
-    """Ask the agent for a `PolicyView`. Its reward may then change with the goal; DAC needs that, a method that scores
+    """Get a `PolicyView` with each batch. The reward may then depend on the goal, as DAC's does; a method that scores
     states must not."""
 
     sees: Sees = "full"
-    """What of the state the agent puts into `Transitions`. A method with a setting of that name takes it from there,
-    and its `state_size` is that of what it sees."""
+    """Which part of the state `Transitions` holds. A method with a setting `sees` takes it from there. `state_size` is
+    the size of that part."""
 
     uses_episode: ClassVar[bool] = False
-    """Ask the agent for the whole episode of each transition, for novelty within an episode."""
+    """Get the complete episode of each transition, for novelty within an episode."""
 
     n_particles: int = 0
-    """How many states of the replay the agent is asked for in each batch, as `Transitions.particles`."""
+    """Number of states of the replay that come with each batch as `Transitions.particles`."""
 
     @abstractmethod
     def reward(self, transitions: Transitions) -> Tensor:
-        """r_int (B,), raw, finite and without gradients. Changes nothing in the method."""
+        """r_int (B,), raw, finite and without gradients. Must not change the method."""
 
     @abstractmethod
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
-        """One gradient step on the method's own networks (or none). Metrics by name, as scalar tensors."""
+        """One gradient step on the method's own networks, if it has any. Returns metrics by name, as scalar tensors."""
 
     def observe(self, episodes: Collected) -> None:  # noqa: B027 - optional
-        """Learn from episodes that were just collected, such as visits to count. Each episode comes once."""
+        """Learn from newly collected episodes, for example by counting visits. Each episode comes once."""
 
     def bonus_factor(self, epoch: int) -> float:
-        """Factor of tau in an epoch of the paper's 500, at least 0: for a bonus that is to fade (RE3).
+        """Factor of tau, at least 0, by epoch on the paper's scale of 500: for a bonus that decays (RE3).
 
-        A factor within `reward` would do nothing of the kind, since rewards are normalised after it.
+        A factor within `reward` would have no effect, because rewards are normalised afterwards.
         """
         return 1.0
 
     def policy_loss_term(self, transitions: Transitions, desired_goal: Tensor, action: Tensor) -> Tensor | None:
-        """Optional (B,), added to log pi(a | s, g) in the policy's loss; None for all methods but DAC.
+        """An optional term (B,) that is added to log pi(a | s, g) in the policy's loss. Only DAC has one.
 
         `action` (B, A) was just drawn from the policy and carries its gradients; `desired_goal` is (B, bits).
         """
@@ -188,8 +190,8 @@ class IntrinsicReward(ABC):
 
     @abstractmethod
     def state_dict(self) -> dict[str, Any]:
-        """All that the method holds: networks, optimisers, statistics, generator. Tensors and plain values only."""
+        """All state of the method: networks, optimisers, statistics, generator. Tensors and plain values only."""
 
     @abstractmethod
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave, so that training continues to the bit."""
+        """Restore a `state_dict`, so that training continues bit for bit."""

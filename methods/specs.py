@@ -120,7 +120,7 @@ def split(spec: str) -> tuple[str, bool]:
     return (spec[: -len(HYBRID)] if hybrid else spec), hybrid
 
 
-def shown(spec: str) -> str:
-    """A spec as tables and figures show it: by its alias where it has one."""
+def display_name(spec: str) -> str:
+    """Name of a method spec in tables and figures: its alias if it has one."""
     names = {spec: alias for alias, spec in ALIASES.items()}
     return names.get(canonical(spec), canonical(spec))

@@ -65,7 +65,7 @@ def _pair_indices(n_blocks: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True)
-class Pair:
+class BlockPair:
     """Where the predicates of one unordered pair of blocks `i < j` stand in a goal vector."""
 
     i: int
@@ -81,7 +81,7 @@ class GoalSpace:
 
     Attributes:
       n_blocks: number of blocks.
-      pairs: one `Pair` for each unordered pair of blocks.
+      pairs: one `BlockPair` for each unordered pair of blocks.
       bit_names: `(n_bits,)` names such as "c(ab)" and "o(ba)".
       goals: `(n_goals, n_bits)` float32, every valid goal once, sorted by layer, then by the number of close pairs.
       layers: `(n_goals,)` int, height of the goal's tallest stack, in blocks.
@@ -91,7 +91,7 @@ class GoalSpace:
         self.n_blocks = n_blocks
         self._keeps = keeps
         self.pairs = tuple(
-            Pair(i, j, close=k, on_ij=self._n_pairs + 2 * k, on_ji=self._n_pairs + 2 * k + 1)
+            BlockPair(i, j, close=k, on_ij=self._n_pairs + 2 * k, on_ji=self._n_pairs + 2 * k + 1)
             for k, (i, j) in enumerate(itertools.combinations(range(n_blocks), 2))
         )
         couples = [(BLOCK_NAMES[p.i], BLOCK_NAMES[p.j]) for p in self.pairs]

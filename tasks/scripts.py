@@ -30,7 +30,7 @@ _FINGER_GAIN, _FINGER_DAMPING = 2.0, 3.3
 """How a position error, and a velocity per step, of the fingers becomes an action."""
 
 
-class View:
+class ObservationParts:
     """The parts of N observations by name; `block` numbers count from 0."""
 
     def __init__(self, observation: np.ndarray):
@@ -44,7 +44,7 @@ class View:
         return self._observation[:, obs.BODY_SIZE + obs.BLOCK_SIZE * block :][:, obs.BLOCK_PARTS["position"]]
 
 
-Target = Callable[[View], np.ndarray]
+Target = Callable[[ObservationParts], np.ndarray]
 """Where the grip should be, `(N, 3)` metres."""
 
 
@@ -73,7 +73,7 @@ class Script:
 
     def act(self, observation: np.ndarray) -> np.ndarray:
         """The actions `(N, 4)` that follow observations `(N, 10 + 15 n)`."""
-        view = View(np.asarray(observation, np.float64))
+        view = ObservationParts(np.asarray(observation, np.float64))
         if self.stage is None:
             self.stage = np.zeros(len(observation), int)
             self._steps = np.zeros(len(observation), int)
@@ -95,7 +95,7 @@ class Script:
         return action.clip(-1, 1)
 
 
-def _finger_action(view: View, position: float) -> np.ndarray:
+def _finger_action(view: ObservationParts, position: float) -> np.ndarray:
     if position < 0:
         return np.full(len(view.grip), -1.0)
     error = position - view.fingers.mean(axis=1)
@@ -148,11 +148,11 @@ def push_together(pushed: int = 0, other: int = 1) -> Script:
 def push_off_table(block: int = 0) -> Script:
     """Pushes a block over the nearer of the table's two long sides (those that face along y)."""
 
-    def outwards(view: View) -> np.ndarray:
+    def outwards(view: ObservationParts) -> np.ndarray:
         side = np.where(view.block(block)[:, 1] < TABLE_CENTRE[1], -1.0, 1.0)
         return np.stack([np.zeros_like(side), side, np.zeros_like(side)], axis=1)
 
-    def over_the_edge(view: View) -> np.ndarray:
+    def over_the_edge(view: ObservationParts) -> np.ndarray:
         edge = np.broadcast_to(TABLE_CENTRE, view.grip.shape) + outwards(view) * TABLE_HALF_SIZE[1]
         return np.stack([view.block(block)[:, 0], edge[:, 1], np.full(len(edge), BLOCK_REST_HEIGHT)], axis=1)
 
@@ -182,16 +182,16 @@ def _pick(block: int) -> list[Stage]:
 def _place(block: int, spot: Target) -> list[Stage]:
     """Carries a held block over a spot for its centre, lowers it and opens the fingers."""
 
-    def grip_for(view: View, height: float) -> np.ndarray:
+    def grip_for(view: ObservationParts, height: float) -> np.ndarray:
         return spot(view) + (view.grip - view.block(block)) + _up(height)
 
-    def carried(view: View) -> np.ndarray:
+    def carried(view: ObservationParts) -> np.ndarray:
         target = grip_for(view, _CLEARANCE)
         lowest = BLOCK_REST_HEIGHT + BLOCK_SIZE + _CLEARANCE + (view.grip - view.block(block))[:, 2]
         target[:, 2] = np.maximum(target[:, 2], lowest)
         return target
 
-    def lifted(view: View) -> np.ndarray:
+    def lifted(view: ObservationParts) -> np.ndarray:
         return np.concatenate([view.grip[:, :2], carried(view)[:, 2:]], axis=1)
 
     return [
@@ -207,14 +207,14 @@ def _leave() -> list[Stage]:
     return [Stage(lambda view: view.grip + _up(0.03), _OPEN, tolerance=-1, max_steps=3)]
 
 
-def _over(view: View, target: np.ndarray) -> np.ndarray:
+def _over(view: ObservationParts, target: np.ndarray) -> np.ndarray:
     """The target, but no lower than the hand is now until it is nearly above: whatever it leaves may be a tower."""
     far = np.linalg.norm((target - view.grip)[:, :2], axis=1) > 0.03
     height = np.where(far, np.maximum(target[:, 2], view.grip[:, 2]), target[:, 2])
     return np.concatenate([target[:, :2], height[:, None]], axis=1)
 
 
-def _beside(view: View, block: int, comes_from: int, avoids: int) -> np.ndarray:
+def _beside(view: ObservationParts, block: int, comes_from: int, avoids: int) -> np.ndarray:
     """A spot 57 mm from a block along x, where the fingers have room and reach, and no other block is in the way."""
     centre, side = view.block(block), np.array([0.057, 0.0, 0.0])
     nearer = np.where(view.block(comes_from)[:, :1] < centre[:, :1], -side, side)
@@ -223,17 +223,17 @@ def _beside(view: View, block: int, comes_from: int, avoids: int) -> np.ndarray:
     return centre + np.where(bad[:, None], -nearer, nearer)
 
 
-def _direction(view: View, pushed: int, other: int) -> np.ndarray:
+def _direction(view: ObservationParts, pushed: int, other: int) -> np.ndarray:
     offset = view.block(other) - view.block(pushed)
     return offset / np.linalg.norm(offset, axis=1, keepdims=True)
 
 
-def _behind(view: View, block: int, direction: np.ndarray) -> np.ndarray:
+def _behind(view: ObservationParts, block: int, direction: np.ndarray) -> np.ndarray:
     """Where closed fingers stand ready to push a block along a horizontal direction `(N, 3)`."""
     return view.block(block) - (_BACK + 0.015) * direction
 
 
-def _push_target(view: View, pushed: int, other: int) -> np.ndarray:
+def _push_target(view: ObservationParts, pushed: int, other: int) -> np.ndarray:
     """Just ahead of the block's back, so that the hand stays behind its centre, until the blocks are close."""
     direction = _direction(view, pushed, other)
     gap = np.linalg.norm(view.block(other) - view.block(pushed), axis=1, keepdims=True)

@@ -19,7 +19,7 @@ ACTION_SIZE = 4
 EPISODE_STEPS = 50
 """Actions per episode of a task that does not say otherwise."""
 
-Starts = Callable[[np.random.Generator, np.ndarray, int, "BiasedStarts"], tuple[np.ndarray, np.ndarray]]
+DrawStarts = Callable[[np.random.Generator, np.ndarray, int, "BiasedStarts"], tuple[np.ndarray, np.ndarray]]
 """Draws where blocks are when episodes start; arguments and results are those of `starts.sample_starts`."""
 
 
@@ -59,7 +59,7 @@ class TaskSpec:
     """Chooses the task's goals among all that can be built; all unless given."""
     arena: Callable[[], "composer.Arena"] = paper_arena
     """Makes the scene that robot and blocks are put into; its table is as high as the paper's."""
-    starts: Starts = paper_starts
+    starts: DrawStarts = paper_starts
     """Draws where blocks are when episodes start."""
 
     @property

@@ -1,4 +1,4 @@
-"""The semantic-stacking task as a dm_control composer task, and what both ways to step it share."""
+"""The semantic-stacking task as a dm_control composer task, and code shared with the batched worlds."""
 
 import collections
 

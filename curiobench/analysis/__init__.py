@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from curiobench.analysis.folders import available, locate
-from curiobench.errors import missing_extra
+from curiobench.errors import needs_train
 
 if TYPE_CHECKING:
     from curiobench.analysis.frames import Results
@@ -17,10 +17,8 @@ def load(name: str | Path) -> "Results":
 
     Raises ValueError where there is no such set, or a file of it is damaged, ImportError without the extra `train`.
     """
-    try:
+    with needs_train():
         from curiobench.analysis.frames import read_results  # pandas takes half a second to import
-    except ModuleNotFoundError as error:
-        raise ImportError(missing_extra(error)) from None
     results = read_results([locate(name)])
     if results.faults:
         raise ValueError("; ".join(results.faults))

@@ -30,7 +30,7 @@ def import_matplotlib() -> ModuleType:
 
 
 @contextmanager
-def settings(ours: Mapping[str, Any] | None = None) -> Iterator[None]:
+def matplotlib_settings(ours: Mapping[str, Any] | None = None) -> Iterator[None]:
     """While it lasts, matplotlib has its own defaults and `ours`, whatever a matplotlibrc or the caller has set."""
     matplotlib = import_matplotlib()
     with matplotlib.rc_context():
@@ -49,7 +49,7 @@ def new_figure(width: float, height: float, dpi: int = 200) -> "Figure":
     return figure
 
 
-def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
+def save_figure(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
     """Save a figure as `path` with the suffix of each format; returns the files. It is not to be used afterwards."""
     paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
     for file, suffix in zip(paths, formats, strict=True):
@@ -58,7 +58,7 @@ def save(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Path]:
     return paths
 
 
-@settings()
+@matplotlib_settings()
 def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
     """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
     curves: dict[int, dict[int, list[float]]] = {}
@@ -74,4 +74,4 @@ def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
     axes.set(xlabel="steps", ylabel="success from plain starts", ylim=(-0.02, 1.02))
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
-    return save(figure, path.with_suffix(""), ["png"])[0]
+    return save_figure(figure, path.with_suffix(""), ["png"])[0]

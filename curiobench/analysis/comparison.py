@@ -24,13 +24,13 @@ MAP = "YlGnBu"  # darker is better, in grey too
 
 
 @dataclass(frozen=True)
-class Score:
-    """A number that a run is summed up by."""
+class Metric:
+    """A number per run, such as final success."""
 
     title: str
     of: Callable[[Sample], np.ndarray]  # the number of each seed (S,) of a sample
     top: float = 1.0  # largest value there can be
-    untrained: float | None = None  # its value before training, where that is drawn
+    untrained: float | None = None  # value before training, drawn as a dotted line
 
 
 def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
@@ -41,13 +41,13 @@ def draw_comparison(task: TaskSamples, samples: Sequence[Sample]) -> list["Figur
 def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     """Learned goals, in all and of each layer, above success."""
     learned = [
-        Score(layer_in_words(layer), lambda sample, place=place: sample.last_learned[:, place], size)
+        Metric(layer_in_words(layer), lambda sample, place=place: sample.last_learned[:, place], size)
         for place, (layer, size) in enumerate(task.sizes.items())
     ]
     before = task.untrained and task.untrained.success
     success = [
-        Score("at the end", lambda sample: sample.last_success[:, 0], untrained=before),
-        Score("over training (area under the curve)", lambda sample: sample.area, untrained=before),
+        Metric("at the end", lambda sample: sample.last_success[:, 0], untrained=before),
+        Metric("over training (area under the curve)", lambda sample: sample.area, untrained=before),
     ]
     rows = {"learned goals": learned, "mean success": success}
     figure = new_figure(TEXT_WIDTH, 1.0 + len(rows) * (0.45 + 0.19 * len(samples)))
@@ -60,8 +60,8 @@ def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     return figure
 
 
-def _dots(axes: "Axes", samples: Sequence[Sample], score: Score) -> None:
-    """A row a sample: its mean and interval, and below them its seeds, side by side where they are equal."""
+def _dots(axes: "Axes", samples: Sequence[Sample], score: Metric) -> None:
+    """A row per sample: mean and interval, and below them the seeds; equal ones are below each other."""
     names, looks = labels(samples), styles(samples)
     for row, sample in enumerate(samples):
         values, look = score.of(sample), looks[sample] | {"linestyle": "", "clip_on": False}

@@ -1,4 +1,4 @@
-"""`curiobench figure`: every figure of a set of runs, as files, and what is drawn in each."""
+"""`curiobench figure`: draws the figures of a set of runs to files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curiobench.analysis.canvas import FORMATS, save
+from curiobench.analysis.canvas import FORMATS, save_figure
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
 from curiobench.analysis.frames import Results
 from curiobench.analysis.lines import Axis, Panel, draw_lines
-from curiobench.analysis.options import count_partial
 from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import performance_profile, seed_warnings
 from curiobench.analysis.style import base, caption, layer_in_words, method_name, seeds_in_words, theme
+from curiobench.analysis.variants import count_partial
 from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map
 
@@ -45,7 +45,7 @@ def draw_learned(task: TaskSamples, samples: Samples) -> list["Figure"]:
 
 
 def draw_profile(task: TaskSamples, samples: Samples) -> list["Figure"]:
-    """Share of goals and seeds whose final success is above τ, over τ; a seed's goals are resampled together."""
+    """Share of goals and seeds with a final success above τ, over τ; a seed's goals are resampled together."""
 
     def profile(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
         return THRESHOLDS, np.stack([performance_profile(seed[None], THRESHOLDS) for seed in sample.goal_success])
@@ -65,13 +65,13 @@ draw_bonus = partial(_draw_logged, column="bonus_spread", name=r"spread of $\tau
 
 
 def thinned(epochs: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most `MOST_POINTS` of the epochs (E,) and values (S, E), evenly spread, first and last among them."""
+    """At most `MOST_POINTS` of the epochs (E,) and values (S, E), evenly spaced, with the first and the last."""
     kept = np.unique(np.linspace(0, len(epochs) - 1, min(len(epochs), MOST_POINTS)).round().astype(int))
     return epochs[kept], values[:, kept]
 
 
 def _epochs(task: TaskSamples, y: str) -> Axis:
-    """An x axis of epochs, with environment steps where an epoch has as many in all runs."""
+    """An x axis of epochs, with environment steps if all runs have the same number per epoch."""
     if task.steps_per_epoch is None:
         return Axis("epoch", y)
     millions = task.steps_per_epoch / 1e6
@@ -84,14 +84,14 @@ def _short(number: float) -> str:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FigureKind:
     """A figure that each task gets."""
 
     draw: Callable[[TaskSamples, Samples], list["Figure"]]
     caption: str  # what it shows, in the figure itself
     in_report: str  # what it shows, below it in a report
     seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
-    """How the seeds are in it, where there are several."""
+    """The sentence on seeds, if there are several."""
     methods: tuple[str, ...] | None = None  # methods in it; None for all
     column: str | None = None  # column of progress.csv that it draws; only methods that have it are in it
 
@@ -101,44 +101,44 @@ class Kind:
         return known and (self.methods is None or sample.method in self.methods)
 
 
-KINDS = MappingProxyType(
+FIGURES = MappingProxyType(
     {
-        "learning-curves": Kind(
+        "learning-curves": FigureKind(
             draw_success,
             "Success from plain starts, mean over goals",
             "Success at evaluations over training: mean over seeds and goals, of all goals and of each layer; bands "
             "are 95 % bootstrap intervals over seeds.",
         ),
-        "learned-goals": Kind(
+        "learned-goals": FigureKind(
             draw_learned,
             "Goals with a success above 80 %",
             "Number of goals whose success is above 80 %, over training.",
         ),
-        "exploitation": Kind(
+        "exploitation": FigureKind(
             draw_exploitation,
             "Share of training steps at which the exploitation policy π_d acted",
             "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
             column="share_exploitation",
         ),
-        "bonus": Kind(
+        "bonus": FigureKind(
             draw_bonus,
             "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
             "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
             column="bonus_spread",
         ),
-        "heat-map": Kind(
+        "heat-map": FigureKind(
             draw_heat_map,
             "Success of each goal at the last evaluation",
             "Success of each goal at the last evaluation, mean over seeds.",
             "Mean over {seeds}",
         ),
-        "profile": Kind(
+        "profile": FigureKind(
             draw_profile,
             "Share of goals and seeds that end above a success of τ",
             "Performance profile: the share of goals and seeds whose final success is above τ. Higher is better, at "
             "every τ.",
         ),
-        "comparison": Kind(
+        "comparison": FigureKind(
             draw_comparison,
             "The last evaluation, and success averaged over training; dotted: success before training",
             "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small dots are "
@@ -151,14 +151,14 @@ KINDS = MappingProxyType(
 
 PAPER = MappingProxyType(
     {
-        "figure-4": replace(KINDS["learning-curves"], methods=CURIOUS),
-        "figure-6c": KINDS["exploitation"],
-        "figure-7": replace(KINDS["learning-curves"], methods=ABLATIONS),
+        "figure-4": replace(FIGURES["learning-curves"], methods=CURIOUS),
+        "figure-6c": FIGURES["exploitation"],
+        "figure-7": replace(FIGURES["learning-curves"], methods=ABLATIONS),
     }
 )
 """Figures of the paper, and the methods in them."""
 
-_Chosen = tuple[str, Kind, TaskSamples, Samples]
+_Chosen = tuple[str, FigureKind, TaskSamples, Samples]
 """A figure that is to be drawn: the name of its files, its kind, its task, and the samples in it."""
 
 
@@ -168,13 +168,13 @@ def draw_figures(
     """Draw the figures of each task; files of the same names are replaced.
 
     Args:
-        results: the runs. Partial ones among them are drawn up to the last evaluation that all runs of the method have.
-        out: folder of the files, which is made.
-        like: "paper" draws the paper's Figures 4, 6C and 7, of the methods in them; None everything of all methods.
+        results: the runs. Partial ones are drawn up to the last evaluation that all runs of the method have.
+        out: folder of the files; created if it does not exist.
+        like: "paper" draws the paper's Figures 4, 6C and 7 with their methods; None draws all figures of all methods.
         formats: some of `FORMATS`.
-        processes: how many draw side by side, where the system can fork; the files do not depend on it.
+        processes: number of processes that draw, if the system can fork; the files do not depend on it.
 
-    Returns the files. Raises ValueError on nothing to draw, an unknown format or `like`, or where it cannot write.
+    Returns the files. Raises ValueError if there is nothing to draw, `formats` or `like` is unknown, or writing fails.
     """
     if like not in (None, "paper"):
         raise ValueError(f"like is {like!r}; it can be 'paper'")
@@ -182,7 +182,7 @@ def draw_figures(
         raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
     chosen: list[_Chosen] = []
     for task in task_samples(results):
-        for name, kind in (PAPER if like else KINDS).items():
+        for name, kind in (PAPER if like else FIGURES).items():
             if samples := [sample for sample in task.samples if kind.shows(sample)]:
                 chosen.append((f"{task.task}-{name}", kind, task, samples))
     if not chosen:
@@ -201,12 +201,12 @@ def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
     files = []
     for number, figure in enumerate(pages, start=1):
         caption(figure, _caption(task, kind, samples))
-        files += save(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
+        files += save_figure(figure, out / (name if len(pages) == 1 else f"{name}-{number}"), formats)
     return files
 
 
-def _caption(task: TaskSamples, kind: Kind, samples: Samples) -> str:
-    """What is drawn, of which runs, how many they are, and the specs of methods that are called by their class."""
+def _caption(task: TaskSamples, kind: FigureKind, samples: Samples) -> str:
+    """The caption: what is drawn, the scale of the runs, seeds, and full specs of methods named by their class."""
     several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"
     if partial_runs := count_partial(task.runs):

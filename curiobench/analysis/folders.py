@@ -1,4 +1,4 @@
-"""What is at a path: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
+"""Find what a path holds: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
 
 import hashlib
 import os
@@ -33,8 +33,8 @@ def is_published(path: Path) -> bool:
     return not isfile(path / "config.json") and all(isfile(path / name) for name in PUBLISHED_FILES)
 
 
-def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
-    """Run folders at a path with the run that a grid expects in each, and a line on each missing or foreign folder.
+def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
+    """Run folders at a path, each with the run that a grid expects in it, and a line on each missing or foreign folder.
 
     Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.
     """
@@ -62,7 +62,7 @@ def look(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
 
 
 def read_grid(path: Path) -> dict[str, Any]:
-    """What the grid.json in a folder holds; raises ValueError where it cannot be read, or a cell of it is damaged."""
+    """The content of a folder's grid.json. Raises ValueError if it cannot be read, or a cell in it is damaged."""
     file = path / GRID_FILE
     grid = read_json(file)
     if grid.get("format") != GRID_FORMAT:
@@ -105,7 +105,7 @@ def locate(name: str | Path) -> Path:
 
 
 def by_name(path: Path) -> Path:
-    """The folder of the set that comes with this package under a name such as v1; any other path as it is."""
+    """Folder of the published set in this package with a name such as v1; any other path unchanged."""
     name = str(path)
     return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
 

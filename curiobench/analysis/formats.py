@@ -16,7 +16,7 @@ from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_table, summarise
 from curiobench.files import replace_file, utf8, writing_to
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.terminal import draws, wrapped
 from curiobench.terminal import width as terminal_width
 from curiobench.workers import cores
@@ -226,7 +226,7 @@ def make_tables(
 
 def check_baseline(results: Results, baseline: str | None) -> str:
     """The method that others are compared with, sac for None; raises ValueError where one is named but has no run."""
-    methods, chosen = list(dict.fromkeys(results.runs["method"])), shown(baseline or "sac")
+    methods, chosen = list(dict.fromkeys(results.runs["method"])), display_name(baseline or "sac")
     if baseline and chosen not in methods:
         raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")
     return chosen

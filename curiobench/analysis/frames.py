@@ -1,4 +1,4 @@
-"""Run folders and published sets as pandas frames. docs/frames.md says what each column means."""
+"""Run folders and published sets as pandas frames. docs/frames.md explains the columns."""
 
 import functools
 import os
@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from curiobench.analysis.folders import GridRun, by_name, is_published, look
-from curiobench.analysis.options import variants
+from curiobench.analysis.folders import GridRun, by_name, find_runs, is_published
 from curiobench.analysis.rows import DTYPES
-from curiobench.analysis.runs import Run, read_head, with_rows, without_beginnings
+from curiobench.analysis.runs import RunData, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
+from curiobench.analysis.variants import variants
 from curiobench.errors import one_line
 from curiobench.methods.specs import BUILT_IN, canonical
 from curiobench.versions import PACKAGES
@@ -51,14 +51,14 @@ class Results:
     config_files: dict[str, Path] = field(default_factory=dict)
     """Path of each run's config.json; in a published set the file may be missing."""
     faults: tuple[str, ...] = ()
-    """One line on each folder that is missing, damaged, partial, duplicate or foreign, and what was done with it."""
-    absent: tuple[str, ...] = ()  # those faults that are about a path that was asked for
+    """One line on each folder that is missing, damaged, partial, duplicate or foreign."""
+    absent: tuple[str, ...] = ()  # faults about paths of `read_results` themselves
 
 
 def print_faults(results: Results, product: str) -> None:
-    """Print a line on each folder that is left out to stderr.
+    """Print a line to stderr on each folder that is left out.
 
-    Raises ValueError, one line, on paths that were asked for and are not in the product, such as "table".
+    Raises ValueError, one line, if paths that the user named are not in the product, such as "table".
     """
     for fault in results.faults:
         if fault not in results.absent:
@@ -68,7 +68,7 @@ def print_faults(results: Results, product: str) -> None:
 
 
 def place_of(method: str) -> tuple[int, str]:
-    """What tables and figures sort methods by."""
+    """Sort key of methods in tables and figures."""
     return (METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER), method)
 
 
@@ -81,27 +81,28 @@ def read_results(
     meanwhile: Callable[[], object] = lambda: None,
     longest: bool = False,
 ) -> Results:
-    """Read runs; imports no method and changes nothing.
+    """Read runs. Imports no method and writes nothing.
 
     Args:
         paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
             with this package, such as v1, where there is no such folder.
         partial: also take runs that are not finished.
-        every_goal: `evaluations` holds every evaluation; otherwise the last of each run.
-        progress: read progress.csv; or of the runs that have one of these columns, these and those that every run has.
-        processes: how many read folders side by side, where there are many; what is read does not depend on it.
-        meanwhile: what this process does first while others read, such as a slow import.
-        longest: leave out, without a fault, a run that a longer one repeats and continues.
+        every_goal: whether `evaluations` holds all evaluations; otherwise only the last one of each run.
+        progress: whether to read progress.csv. Names of columns read these and those that every run has, of runs that
+            have one of them.
+        processes: number of processes that read, if there are many folders; the results do not depend on it.
+        meanwhile: called in this process while others begin to read, for example for a slow import.
+        longest: leave out, without a fault, runs that are the beginning of a longer run.
 
-    Returns the runs that can be used, sorted by task, method, variant and seed, and faults about all others. Raises
-    ValueError without a path.
+    Returns the valid runs, sorted by task, method, variant and seed, and faults about the others. Raises ValueError
+    without a path.
     """
     if not paths:
         raise ValueError("name at least one run folder, folder of run folders or published set")
     load_folder = functools.partial(_load, partial=partial, every_goal=every_goal, progress=progress)
     with no_collection():
-        seen: set[Path] = set()
-        found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, seen)]
+        known: set[Path] = set()
+        found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, known)]
         folders = [what for what, _ in found if isinstance(what, tuple)]
         loaded = iter(parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
         read = [(next(loaded) if isinstance(what, tuple) else what, asked) for what, asked in found]
@@ -112,22 +113,22 @@ def read_results(
 _Folder = tuple[Path, GridRun | None]  # a run folder, and the run that a grid expects in it
 
 
-def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _Folder | str, bool]]:
-    """Runs of a published set, folders to read, and faults at a path, each with whether it is about the path itself.
+def _at(path: Path, every_goal: bool, known: set[Path]) -> Iterator[tuple[RunData | _Folder | str, bool]]:
+    """Runs of a published set, folders to read, and faults; each with whether it is about the path itself.
 
-    A folder in `seen` is left out.
+    A folder in `known` is left out; others are added to it.
     """
 
     def is_new(folder: Path) -> bool:
-        resolved, size = folder.resolve(), len(seen)
-        seen.add(resolved)
-        return len(seen) > size
+        resolved, size = folder.resolve(), len(known)
+        known.add(resolved)
+        return len(known) > size
 
     try:
         if path.is_dir() and is_published(path):
             published, folders, faults = read_set(path, every_goal), {}, []
         else:
-            published, (folders, faults) = [], look(path)
+            published, (folders, faults) = [], find_runs(path)
     except (ValueError, OSError) as error:
         yield str(error), True
         return
@@ -139,14 +140,14 @@ def _at(path: Path, every_goal: bool, seen: set[Path]) -> Iterator[tuple[Run | _
             yield (folder, expected), folder == path
 
 
-def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str], list[str]]:
-    """Runs that can be used, each once, and faults: about folders that were found, then about paths asked for.
+def _usable(read: Iterable[tuple[RunData | str, bool]]) -> tuple[list[RunData], list[str], list[str]]:
+    """Valid runs without duplicates, faults about found folders, and faults about paths that the user named.
 
-    Complete runs are taken first, so that of two with the same config the complete one is kept.
+    Of two runs with the same config the complete one is kept.
     """
-    kept: dict[str, Run] = {}
+    kept: dict[str, RunData] = {}
     faults: tuple[list[str], list[str]] = ([], [])
-    for run, asked in sorted(read, key=lambda one: isinstance(one[0], Run) and not one[0].values["complete"]):
+    for run, asked in sorted(read, key=lambda one: isinstance(one[0], RunData) and not one[0].values["complete"]):
         if isinstance(run, str):
             faults[asked].append(run)
         elif run.evaluations is None and not run.fault:
@@ -161,8 +162,8 @@ def _usable(read: Iterable[tuple[Run | str, bool]]) -> tuple[list[Run], list[str
     return list(kept.values()), *faults
 
 
-def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> Run | str:
-    """A run with its rows; without rows where it has a fault, or is partial and not wanted. Text where it is no run."""
+def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Collection[str]) -> RunData | str:
+    """A run with its rows; without rows if it has a fault, or is partial and `partial` is False. A fault if no run."""
     path, expected = folder
     try:
         run = read_head(path)
@@ -184,7 +185,7 @@ def _left_out(error: Exception) -> str:
     return f"{text}; left out"
 
 
-def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
+def _results(runs: Sequence[RunData], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
     texts = variants([run.decisive() for run in runs])
     order = sorted(zip(texts, runs, strict=True), key=_key)
     runs = [run for _, run in order]
@@ -202,14 +203,14 @@ def _results(runs: Sequence[Run], faults: tuple[str, ...], absent: tuple[str, ..
     )
 
 
-def _key(named: tuple[str, Run]) -> tuple[Any, ...]:
+def _key(named: tuple[str, RunData]) -> tuple[Any, ...]:
     """Sort key of a run and its variant."""
     variant, run = named
     return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Folder names, with as much of the path before them as makes them unique; each on one line, as in errors."""
+    """Folder names, with as many parent folders as make them unique; each on one line."""
     paths = [Path(one_line(path)) for path in paths]
     names = [path.name for path in paths]
     for depth in range(2, 1 + max((len(path.parts) for path in paths), default=0)):
@@ -221,7 +222,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _identity(frame: pd.DataFrame, sizes: Sequence[int]) -> dict[str, Any]:
-    """The first columns of a frame in which the i-th run has `sizes[i]` rows."""
+    """The `IDENTITY` columns of a frame in which run i has `sizes[i]` rows."""
     which = np.repeat(np.arange(len(frame)), sizes)
     columns = {name: pd.Categorical(frame[name], list(dict.fromkeys(frame[name])))[which] for name in IDENTITY[:-1]}
     return columns | {"seed": frame["seed"].to_numpy(np.int64)[which]}

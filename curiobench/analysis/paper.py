@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from curiobench.analysis.options import PAPER_STEPS, cautions, millions, spread
 from curiobench.analysis.samples import TaskSamples
 from curiobench.analysis.tables import Column, Summary, Table, Value, interval_notes, key_of, layer_name, name_columns
+from curiobench.analysis.variants import PAPER_STEPS, cautions, millions, spread
 
 PAPER_TASK = "stack3"
 PAPER_GOALS = (8, 21, 6)  # Table 1: goals of one, two and three layers

@@ -16,7 +16,7 @@ from curiobench.analysis.report_data import (
     RUN_HEADINGS,
     goal_cards,
     listed,
-    options,
+    option_tables,
     run_rows,
     sentences,
     table_data,
@@ -84,7 +84,7 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
         tables=[table_data(table, opening, samples) for table in method_tables(summarise(tasks, baseline), baseline)],
         figures=pictures(results, processes),
         tasks=[goal_cards(task) for task in tasks],
-        options=options(samples),
+        options=option_tables(samples),
         methods=list(dict.fromkeys(sample.label for sample in samples)),
         runs=run_rows(samples),
         run_headings=RUN_HEADINGS,
@@ -114,16 +114,16 @@ def pictures(results: Results, processes: int = 1) -> list[dict[str, Any]]:
 
     with tempfile.TemporaryDirectory(prefix="curiobench-report-") as folder:
         paths = draw_figures(results, Path(folder), formats=("svg",), processes=processes)
-        return [_picture(path) for path in paths]
+        return [_figure_entry(path) for path in paths]
 
 
-def _picture(path: Path) -> dict[str, Any]:
+def _figure_entry(path: Path) -> dict[str, Any]:
     """A figure for the template; `width` and `height` are the largest, in pixels."""
-    from curiobench.analysis.figures import KINDS
+    from curiobench.analysis.figures import FIGURES
 
     content = _shortened(path.read_bytes())
-    task, kind = re.fullmatch(rf"(.+)-({'|'.join(KINDS)})(?:-[0-9]+)?", path.stem).groups()
-    caption = f"{task}: {KINDS[kind].in_report}"
+    task, kind = re.fullmatch(rf"(.+)-({'|'.join(FIGURES)})(?:-[0-9]+)?", path.stem).groups()
+    caption = f"{task}: {FIGURES[kind].in_report}"
     sizes = {side: re.search(rb'<svg[^>]* %s="([\d.]+)' % side.encode(), content) for side in ("width", "height")}
     return {
         "source": f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}",

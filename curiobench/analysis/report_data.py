@@ -1,4 +1,4 @@
-"""What a report's template shows: a summary in sentences, tables, goals, options and runs, all from samples."""
+"""Data for the template of a report: summary sentences, tables, goals, options and runs."""
 
 import base64
 import math
@@ -11,11 +11,11 @@ import pandas as pd
 
 from curiobench.analysis.formats import MISSING, number_and_interval
 from curiobench.analysis.frames import Results
-from curiobench.analysis.options import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.analysis.samples import Sample, TaskSamples
 from curiobench.analysis.statistics import ENOUGH_SEEDS, seed_warnings
 from curiobench.analysis.style import count, seeds_in_words
 from curiobench.analysis.tables import Column, Estimate, Table, Value
+from curiobench.analysis.variants import PAPER_STEPS, RUN_OPTIONS, cautions, configs, hour_digits, millions
 from curiobench.options import flatten
 from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
@@ -25,8 +25,8 @@ MOST_NAMES = 3  # names in a sentence, before it only counts
 MOST_CARDS = 100  # goals of the largest task with a card for each goal; four blocks have hundreds
 BLOCKS = (("a", "#a02f2a"), ("b", "#38763f"), ("c", "#345499"))
 """Blocks, and the colours of their fronts in the pictures."""
-ENVIRONMENT = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
-"""Columns of runs that are no options, but may decide numbers or costs."""
+SOFTWARE_AND_MACHINE = ("curiobench", "git_commit", *PACKAGES[1:], "python", "machine")
+"""Columns of runs that are not options, but can affect numbers or costs."""
 
 Names = list[tuple[str, list[str]]]  # samples by name: tasks, and the methods and variants of each
 
@@ -46,7 +46,7 @@ def _capital(text: str) -> str:
 
 
 def sentences(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
-    """What was run and what came of it."""
+    """Sentences on what was run, and on the outcome."""
     what = [part for task in tasks for part in (_what(task), _capital(task.scale))]
     return [*what, _when(results.runs), *(part for task in tasks for part in _outcome(task))]
 
@@ -76,7 +76,7 @@ def _when(runs: pd.DataFrame) -> str:
 
 
 def _outcome(task: TaskSamples) -> list[str]:
-    """Which methods have learned most goals, and fewest."""
+    """Sentences on the methods with the most and the fewest learned goals."""
     means = {sample.label: float(sample.last_learned[:, 0].mean()) for sample in task.samples}
     most, fewest = max(means.values()), min(means.values())
     sizes = [sample.n_seeds for sample in task.samples]
@@ -94,7 +94,7 @@ def _outcome(task: TaskSamples) -> list[str]:
 
 
 def warnings(results: Results, tasks: Sequence[TaskSamples]) -> list[str]:
-    """Why the numbers may show less than they seem to; lines without a full stop."""
+    """Warnings about the comparison; lines without a full stop."""
     by_task = {task.task: seed_warnings([(s.label, s.n_seeds) for s in task.samples]) for task in tasks}
     found, *others = by_task.values()
     if any(lines != found for lines in others):
@@ -167,12 +167,12 @@ def _look(sample: Sample) -> str:
 
 
 def goal_cards(task: TaskSamples) -> dict[str, Any]:
-    """The goals of a task, each with its picture and how often every method reaches it; none if there are too many."""
+    """The goals of a task with their pictures and each method's success; no cards if there are too many goals."""
     cards = [
         {
             "name": task.goals[goal],
             "layer": int(task.goal_layers[goal]),
-            "picture": _picture(task.bits[goal]),
+            "picture": _goal_picture(task.bits[goal]),
             "bars": [_bar(sample, goal) for sample in task.samples],
         }
         for goal in range(len(task.goals) if len(task.goals) <= MOST_CARDS else 0)
@@ -189,7 +189,7 @@ def _bar(sample: Sample, goal: int) -> dict[str, Any]:
 
 
 @cache
-def _picture(bits: str) -> str:
+def _goal_picture(bits: str) -> str:
     """Data URI of the picture of a goal, which docs/make_goal_pictures.py has drawn; "" where there is none."""
     if not set(bits) <= {"0", "1"}:
         return ""
@@ -197,16 +197,16 @@ def _picture(bits: str) -> str:
     return f"data:image/webp;base64,{base64.b64encode(file.read_bytes()).decode()}" if file.is_file() else ""
 
 
-def options(samples: Sequence[Sample]) -> dict[str, list]:
-    """Options, versions and machines: `shared` by all, names of the `differing` ones, and samples alike in these.
+def option_tables(samples: Sequence[Sample]) -> dict[str, list]:
+    """Options, versions and machines: `shared` values, names of `differing` ones, and samples grouped by these.
 
-    Options under `machine`, which change no number, are left out. Settings of the curiosity methods are apart.
+    Options under `machine`, which affect no number, are left out. Settings of the curiosity methods are separate.
     """
     values = {sample: _values(sample.runs) for sample in samples}
     shared, differing = [], []
     for name in dict.fromkeys(name for own in values.values() for name in own):
         found = {own.get(name, MISSING) for own in values.values()}
-        if name in ENVIRONMENT and len(found) > 1:
+        if name in SOFTWARE_AND_MACHINE and len(found) > 1:
             found.discard(MISSING)  # not recorded, which is no difference
         shared.append((name, found.pop())) if len(found) == 1 else differing.append(name)
     settings = {s: _together([own.get("method_config") or {} for own in configs(s.runs)]) for s in samples}
@@ -223,11 +223,11 @@ def _values(runs: pd.DataFrame) -> dict[str, str]:
     """Every option of the runs of a sample, and what they ran on."""
     apart = (*RUN_OPTIONS, "machine", "method_config")
     found = _together([{name: v for name, v in config.items() if name not in apart} for config in configs(runs)])
-    return found | {name: _joined(filter(None, runs[name])) or MISSING for name in ENVIRONMENT}
+    return found | {name: _joined(filter(None, runs[name])) or MISSING for name in SOFTWARE_AND_MACHINE}
 
 
 def _together(options: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Options by the names that the command line gives them, with all values that differ."""
+    """Options by dotted name, with all different values."""
     flat = [flatten(own) for own in options]
     names = dict.fromkeys(name for own in flat for name in own)
     return {name: _joined(own.get(name, MISSING) for own in flat) for name in names}
@@ -263,7 +263,7 @@ _TITLES |= {"created": "begun"}
 
 
 def run_rows(samples: Sequence[Sample]) -> list[dict[str, Any]]:
-    """What each run is, what it cost, and the command that made it, for the template; by sample and seed."""
+    """Identity, cost and command of each run, for the template; by sample and seed."""
     return [
         _run_row(values | {"method": sample.label})
         for sample in samples

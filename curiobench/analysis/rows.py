@@ -1,4 +1,4 @@
-"""The csv files of one run, checked: every goal of the task at every evaluation, and only possible numbers."""
+"""Reads and checks the csv files of one run: all goals at every evaluation, and numbers within their ranges."""
 
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -30,7 +30,7 @@ DTYPES = {
     "success_unsatisfied": np.float64,
     "learned": np.int8,
 }
-"""Columns of evaluations.csv, and of what type they are."""
+"""Columns of evaluations.csv and their types."""
 PROGRESS_DTYPES = {"epoch": np.int32, "steps": np.int64, "updates": np.int64}
 PROGRESS_COLUMNS = (*PROGRESS_DTYPES, "seconds")  # columns that every progress.csv has; the rest depends on the method
 
@@ -39,23 +39,23 @@ Frames = tuple[pd.DataFrame, pd.DataFrame]
 
 
 def read_evaluations(path: Path, task: str, every_goal: bool, tolerant: bool) -> tuple[Frames, str]:
-    """The frames of a run's evaluations.csv, and what was left out of it ("" for nothing).
+    """The frames of a run's evaluations.csv, and a note on what was left out ("" for nothing).
 
-    With `every_goal` the first frame has every evaluation, otherwise the last one, which saves memory. If `tolerant`,
-    an incomplete last evaluation, which a running or killed run may have, is left out. Raises ValueError, which names
-    the file, where it is missing, damaged, or of another task.
+    With `every_goal` the first frame has all evaluations, otherwise the last one, which saves memory. With `tolerant`
+    an incomplete last evaluation, as of a running or killed run, is left out. Raises ValueError, which names the file,
+    if it is missing, damaged, or of another task.
     """
     with reading(path), _naming(path):
         content = _read_bytes(path, cut_off=tolerant)
         kept = _complete_evaluations(content) if tolerant else content
         dropped = "" if len(kept) == len(content) else f"{path}: its last evaluation is not all there, and left out"
         _check_header(kept, DTYPES)
-        return check(_parse_csv(kept, DTYPES, DTYPES), task, every_goal), dropped
+        return check_evaluations(_parse_csv(kept, DTYPES, DTYPES), task, every_goal), dropped
 
 
 @contextmanager
 def _naming(path: Path) -> Iterator[None]:
-    """Turns whatever a damaged csv file raises into one line, as a ValueError that names the file."""
+    """Turn an error of a damaged csv file into a ValueError, one line, that names the file."""
     try:
         yield
     except (ValueError, TypeError, OverflowError) as error:
@@ -63,7 +63,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _read_bytes(path: Path, cut_off: bool) -> bytes:
-    """A csv file; raises ValueError where it is missing or too large, or its last row is cut off and not `cut_off`."""
+    """Content of a csv file. Raises ValueError if it is missing, too large or (without `cut_off`) cut off."""
     if not path.is_file():
         raise ValueError("the file is missing")
     if path.stat().st_size > MAX_CSV_BYTES:
@@ -75,7 +75,7 @@ def _read_bytes(path: Path, cut_off: bool) -> bytes:
 
 
 def _complete_evaluations(content: bytes) -> bytes:
-    """The file up to the last evaluation that has as many rows as the first."""
+    """The file up to the last evaluation with as many rows as the first."""
     header, *lines = content.splitlines(keepends=True) or [b""]
     epochs = [line.partition(b",")[0] for line in lines if line.endswith(b"\n")]
     n_goals = epochs.count(epochs[0]) if epochs else 1
@@ -83,7 +83,7 @@ def _complete_evaluations(content: bytes) -> bytes:
 
 
 def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
-    """Names of the columns of a csv file; raises ValueError where it lacks one."""
+    """Columns of a csv file. Raises ValueError if one of `columns` is missing."""
     header = BytesIO(content).readline().decode().strip().split(",")
     if lacking := [name for name in columns if name not in header]:
         raise ValueError(f"it has no column {', '.join(lacking)}")
@@ -91,7 +91,7 @@ def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
 
 
 def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]) -> pd.DataFrame:
-    """Columns of a csv file, all of which it has; raises ValueError where a value is of another type."""
+    """Read columns of a csv file that has them. Raises ValueError if a value is of another type."""
     types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
     with warnings.catch_warnings():  # an infinite integer gives a warning and an error
@@ -99,7 +99,7 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
         return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
 
 
-def check(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
+def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
     """The frames of one run from the rows of its evaluations.csv, with `every_goal` as for `read_evaluations`.
 
     Raises ValueError where a goal is missing, repeated or unknown, or a number is out of its range.
@@ -175,9 +175,9 @@ def _layers(epoch: np.ndarray, steps: np.ndarray, layer: np.ndarray, *rates: np.
     layers = np.unique(layer)
     member = np.column_stack([np.ones(len(layer)), *(layer == one for one in layers)])  # (G, L + 1)
     goals = member.sum(axis=0)
-    seen = ~np.isnan(unsatisfied)
-    with np.errstate(invalid="ignore"):  # 0 / 0 is the NaN that is meant
-        means = np.where(seen, unsatisfied, 0) @ member / (seen @ member)
+    known = ~np.isnan(unsatisfied)
+    with np.errstate(invalid="ignore"):  # 0 / 0 gives NaN, as intended
+        means = np.where(known, unsatisfied, 0) @ member / (known @ member)
     columns = {
         "epoch": np.repeat(epoch, len(goals)),
         "steps": np.repeat(steps, len(goals)),
@@ -193,11 +193,11 @@ def _layers(epoch: np.ndarray, steps: np.ndarray, layer: np.ndarray, *rates: np.
 def read_progress(
     path: Path, wanted: bool | Collection[str], result: Mapping[str, Any] | None
 ) -> tuple[pd.DataFrame, str]:
-    """Rows of a progress.csv, and what was left out of it ("" for nothing).
+    """Rows of a progress.csv, and a note on what was left out ("" for nothing).
 
-    `wanted` is True for all columns, or names some, which come with those that every run has. Without the `result` of
-    a finished run the last row may be cut off. Raises ValueError, which names the file, where it is missing, damaged,
-    or disagrees with result.json.
+    `wanted` is True for all columns, or names some in addition to those that every run has. Without the `result` of a
+    finished run the last row may be cut off. Raises ValueError, which names the file, if it is missing, damaged, or
+    disagrees with result.json.
     """
     if result is None and not path.exists():
         return pd.DataFrame(columns=list(PROGRESS_COLUMNS), dtype=np.float64), ""  # no epoch has ended yet
@@ -229,7 +229,7 @@ def _check_end(rows: pd.DataFrame, result: Mapping[str, Any]) -> None:
 def _check_progress(rows: pd.DataFrame) -> None:
     if rows.empty:
         raise ValueError("it has no rows")
-    columns = {name: rows[name].to_numpy() for name in rows}  # pandas takes longer for each of the steps below
+    columns = {name: rows[name].to_numpy() for name in rows}  # numpy is faster than pandas in the checks below
     if text := [name for name, values in columns.items() if values.dtype.kind not in "biuf"]:
         raise ValueError(f"its column {text[0]} does not hold numbers")
     if (columns["epoch"] != np.arange(1, len(rows) + 1)).any():

@@ -14,11 +14,12 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import IDENTITY
+from curiobench.analysis.style import count
 from curiobench.analysis.submission import (
     Fault,
     Reference,
     Submission,
-    examine,
+    apply_rules,
     first_of,
     goals_in,
     read_submission,
@@ -50,8 +51,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
     """
     compared, runs = reference(against), read_submission(paths)
     methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
-    number = f"{len(runs.records)} run{'s' * (len(runs.records) != 1)}"
-    return f"{number} of {methods}, compared with {compared.name}", examine(runs, compared)
+    return f"{count(len(runs.records), 'run')} of {methods}, compared with {compared.name}", apply_rules(runs, compared)
 
 
 @rule("every folder holds one whole run")
@@ -81,7 +81,7 @@ def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 
 @rule("starts of the test episodes")
-def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
+def same_starts(runs: Submission, against: Reference) -> Iterator[Fault]:
     """Goals hold at the start of as many test episodes as those of the protocol's seed."""
     known = False
     for run, rows in runs.evaluations.items():
@@ -97,7 +97,7 @@ def starts(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 
 @rule("test episodes of a goal")
-def episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
+def same_episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
     """As many as the config says."""
     for run, rows in runs.evaluations.items():
         wanted = runs.configs[run].get("episodes_per_goal")
@@ -106,7 +106,7 @@ def episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 
 @rule("goals")
-def goals(runs: Submission, against: Reference) -> Iterator[Fault]:
+def same_goals(runs: Submission, against: Reference) -> Iterator[Fault]:
     """Names, bits and layers of all goals of the task, and of no other."""
     for run, rows in runs.evaluations.items():
         found, wanted = goals_in(rows), against.goals(runs.configs[run]["task"])
@@ -133,7 +133,7 @@ def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 
 @rule("options, apart from the method's own")
-def options(runs: Submission, against: Reference) -> Iterator[Fault]:
+def same_options(runs: Submission, against: Reference) -> Iterator[Fault]:
     """Those of the reference, but for `LAST_BITS`."""
     for run, config in runs.configs.items():
         yield from ((text, run) for name, text in against.unlike(config).items() if name not in LAST_BITS)
@@ -168,7 +168,7 @@ def _off(rows: pd.DataFrame, name: str, an_epoch: int) -> str:
 
 
 @rule("success in whole episodes")
-def counts(runs: Submission, _: Reference) -> Iterator[Fault]:
+def whole_successes(runs: Submission, _: Reference) -> Iterator[Fault]:
     """Shares of whole episodes: successes, and those among them whose goal did not hold at the start."""
     for run, rows in runs.evaluations.items():
         satisfied = rows["episodes"] - rows["episodes_unsatisfied"]

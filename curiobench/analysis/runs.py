@@ -1,4 +1,4 @@
-"""One run folder: its config, rows and result, all checked, as runs of others are read too. Imports no method."""
+"""Reads one run folder: config, rows and result, all checked, because others may have made it. Imports no method."""
 
 import json
 import re
@@ -14,7 +14,7 @@ import pandas as pd
 from curiobench.analysis.rows import asked, read_evaluations, read_progress
 from curiobench.config import CONFIG_VERSION, LARGEST_SEED, with_later_fields
 from curiobench.files import read_json
-from curiobench.methods.specs import HYBRID, canonical, shown
+from curiobench.methods.specs import HYBRID, canonical, display_name
 from curiobench.run_folder import read_record
 from curiobench.tasks.registration import check_robot
 from curiobench.versions import PACKAGES
@@ -25,34 +25,34 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Run:
-    """A run. `read_head` gives one without rows, `with_rows` adds them."""
+class RunData:
+    """A run as read from files. `read_head` returns it without rows, `with_rows` adds them."""
 
     path: Path  # run folder
     config: dict[str, Any]  # options; plain values
-    values: dict[str, Any]  # columns of the frame `runs` that are known so far
+    values: dict[str, Any]  # by column of the frame `runs`
     config_file: Path  # its config.json, or the copy in a published set
     result: dict[str, Any] | None = None  # what result.json holds
     fault: str = ""  # why its rows cannot be used
     evaluations: pd.DataFrame | None = None  # rows of `Results.evaluations`; None before they are read
     layers: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.layers`
     progress: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of `Results.progress`
-    notes: tuple[str, ...] = ()  # a line for each file whose incomplete last rows were left out
+    notes: tuple[str, ...] = ()  # a line for each file with incomplete last rows, which were left out
 
     def decisive(self) -> dict[str, Any]:
-        """Options that decide the numbers, and the digest of the file of a method from outside."""
+        """Options that affect the numbers, and the digest of the file of a method from outside."""
         digest = self.values["method_sha256"]
         return decisive(self.config) | ({"method_sha256": digest} if digest else {})
 
     def identity(self, **ignored: Any) -> str:
-        """Text that is equal for runs with equal decisive options; `ignored` options are set to the given values."""
+        """A key that is equal for runs with equal decisive options; `ignored` options are set to the given values."""
         return json.dumps(self.decisive() | {"preset": ""} | ignored, sort_keys=True)  # a preset is only a name
 
 
 def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that decide the numbers of a run: not the machine's, nor those that its method does not use.
+    """The options that affect the numbers of a run, without the machine's and those that its method does not use.
 
-    Options that were added after the run was made get the value that reproduces it.
+    Options that are newer than the run get the value that reproduces it.
     """
     config = with_later_fields(config)
     unused = {"machine"} | (set() if config["method"].endswith(HYBRID) else {"hybrid"})
@@ -61,20 +61,20 @@ def decisive(config: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in config.items() if name not in unused and value is not None}
 
 
-def without_beginnings(runs: Sequence[Run]) -> list[Run]:
-    """The runs without those that a longer run of the same config repeats and continues."""
-    by_config: dict[str, list[Run]] = defaultdict(list)
+def without_beginnings(runs: Sequence[RunData]) -> list[RunData]:
+    """Runs, without those that are the beginning of a longer run with the same config."""
+    by_config: dict[str, list[RunData]] = defaultdict(list)
     for run in runs:
         by_config[run.identity(epochs=0)].append(run)
     return [run for run in runs if not any(_begins(run, other) for other in by_config[run.identity(epochs=0)])]
 
 
-def _begins(run: Run, other: Run) -> bool:
-    """Whether a run's rows, as means of layers, are the first rows of a longer run."""
+def _begins(run: RunData, other: RunData) -> bool:
+    """Whether the layer means of a run are the first ones of a longer run."""
     return len(run.layers) < len(other.layers) and run.layers.equals(other.layers[: len(run.layers)])
 
 
-def read_head(path: Path) -> Run:
+def read_head(path: Path) -> RunData:
     """A run without its rows.
 
     Raises ValueError where the folder holds no run, one of another format or version, or damaged files.
@@ -95,36 +95,36 @@ def read_head(path: Path) -> Run:
     values |= {"created": _text(record.get("created")), "command": _command(record), "config": json.dumps(config)}
     values |= {name: _text((result or {}).get(name)) for name in ("finished", "machine")}
     values |= {"method_sha256": _text(versions[0].get("method_sha256"))[:64]}
-    return Run(path, config, values, path / "config.json", result)
+    return RunData(path, config, values, path / "config.json", result)
 
 
 def columns_of(config: Mapping[str, Any]) -> dict[str, Any]:
     """The options that have a column of their own in the frame `runs`."""
     return {name: config[name] for name in ("task", "seed", "robot", "preset", "epochs")} | {
-        "method": shown(config["method"])
+        "method": display_name(config["method"])
     }
 
 
 def _starts(record: Mapping[str, Any], name: str) -> list[Any]:
-    """A value in the record of a run's start and of each lengthening; None where it is missing."""
+    """A value of the record at a run's start and at each lengthening; None if it is missing."""
     longer = record.get("lengthened", [])
     starts = [record, *(longer if isinstance(longer, list) else [])]
     return [start.get(name) if isinstance(start, dict) else None for start in starts]
 
 
 def versions_of(record: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Versions at a run's start and at each lengthening; empty where they are not recorded."""
+    """Versions at a run's start and at each lengthening; empty if not recorded."""
     return [versions if isinstance(versions, dict) else {} for versions in _starts(record, "versions")]
 
 
 def _joined(versions: Sequence[Mapping[str, Any]], name: str) -> str:
-    """The different values of a version, separated by spaces; "" where one is not recorded."""
+    """The different values of a version, separated by spaces; "" if one is not recorded."""
     texts = [_text(found.get(name)) for found in versions]
     return " ".join(dict.fromkeys(texts)) if all(texts) else ""
 
 
 def check_config(config: Any) -> dict[str, Any]:
-    """The options in a config.json, with a canonical method spec; raises ValueError where one is missing or illegal."""
+    """The options in a config.json, with a canonical method spec. Raises ValueError if one is missing or illegal."""
     if not isinstance(config, dict):
         raise ValueError("it holds no config")
     check_robot(config.get("task"), config.get("robot"))
@@ -139,7 +139,7 @@ def check_config(config: Any) -> dict[str, Any]:
 
 
 def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
-    """What result.json holds; raises ValueError where it is damaged or has another number of epochs."""
+    """The content of result.json. Raises ValueError if it is damaged or has another number of epochs."""
     if not path.exists():
         return None
     result = read_json(path)
@@ -153,7 +153,7 @@ def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
 
 
 def _text(value: Any, limit: int = 200) -> str:
-    """Text on one line; "" where there is none."""
+    """Text on one line; "" for anything else."""
     if not isinstance(value, str):
         return ""
     return "".join(character if character.isprintable() else " " for character in value[:limit])
@@ -167,7 +167,7 @@ def _command(record: Mapping[str, Any]) -> str:
     return _text(" && ".join(map(shlex.join, lines)), limit=10_000)
 
 
-def with_rows(run: Run, every_goal: bool = True, progress: bool | Collection[str] = True) -> Run:
+def with_rows(run: RunData, every_goal: bool = True, progress: bool | Collection[str] = True) -> RunData:
     """A run by `read_head` with its rows; the other arguments are those of `read_evaluations` and `read_progress`.
 
     progress.csv of a partial run is always read, as nothing else has its cost. Raises ValueError, one line that names

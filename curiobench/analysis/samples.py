@@ -1,4 +1,4 @@
-"""The runs of a method on a task as arrays: what tables, figures and reports are made from."""
+"""The runs of a method on a task as arrays, the input of tables, figures and reports."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,21 +8,21 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import Results, place_of
-from curiobench.analysis.options import scale_of
 from curiobench.analysis.statistics import area_under_curve
 from curiobench.analysis.style import line_styles
+from curiobench.analysis.variants import scale_of
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw
 GOOD_SUCCESS = 0.8  # mean success over all goals; tables have the epochs until it is reached
-DECIMALS = 9  # of scores: equal successes that were summed in another order have to tie
+DECIMALS = 9  # of scores, so that equal successes tie whatever the order of summation
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
     """The runs of one method, and variant of it, on one task.
 
-    S seeds, E evaluations that all of them have, L layers of which the first is all goals together, G goals. The end of
-    a run is its own last evaluation; of a partial run it may not be among the E.
+    S seeds, E evaluations that all runs have, L layers (the first is all goals together), G goals. The end of a run is
+    its last evaluation. That of a partial run may not be among the E.
     """
 
     task: str
@@ -35,11 +35,11 @@ class Sample:
     last_success: np.ndarray  # (S, L) as `success`, at each run's end
     last_learned: np.ndarray  # (S, L) as `learned`, at each run's end
     area: np.ndarray  # (S,) success over all goals, averaged over all of a run's training
-    reached: np.ndarray  # epochs until a success over all goals of `GOOD_SUCCESS`, of the seeds that had it
+    reached: np.ndarray  # epochs until mean success is `GOOD_SUCCESS`, for seeds that reach it
     goal_success: np.ndarray  # (S, G) success of each goal at each run's end
     goal_learned: np.ndarray  # (S, G) 1 where that goal is learned, 0 elsewhere
     logged: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    """By column of `LOGGED`: the epochs (P,) of which all runs have a value, and the values (S, P)."""
+    """By column of `LOGGED`: epochs (P,) with a value of all runs, and the values (S, P)."""
     look: Mapping[str, str]  # its method's colour and line style, as keywords of `Axes.plot`
 
     @property
@@ -54,7 +54,7 @@ class Sample:
 
 
 class Untrained(NamedTuple):
-    """Results of untrained agents, mean over runs: some goals hold at most starts."""
+    """Results of untrained agents, mean over runs. They are above 0, because some goals hold at most starts."""
 
     learned: float  # goals with success above 80 %
     success: float  # mean over goals
@@ -67,7 +67,7 @@ class TaskSamples:
     task: str
     runs: pd.DataFrame  # the task's rows of `Results.runs`
     scale: str  # robot, preset, epochs and steps
-    untrained: Untrained | None  # none where agents were not tested before training
+    untrained: Untrained | None  # None if agents were not evaluated before training
     goals: tuple[str, ...]  # names of the G goals
     bits: tuple[str, ...]  # their predicates
     goal_layers: np.ndarray  # (G,) height of each goal's tallest stack, in blocks
@@ -154,7 +154,7 @@ def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: Sequence[str]) 
 
 
 def _logged(runs: Sequence[str], progress: pd.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Epochs (P,) of which all runs have a value in a column of progress.csv, and the values (S, P)."""
+    """Epochs (P,) with a value of all runs in a column of progress.csv, and the values (S, P)."""
     if column not in progress:
         return np.empty(0, int), np.empty((len(runs), 0))
     rows = progress.loc[progress["run"].isin(runs), ["run", "epoch", column]].astype({"run": str})

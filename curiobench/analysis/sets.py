@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, check_sums
-from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check
-from curiobench.analysis.runs import LARGEST_NUMBER, Run, check_config, columns_of
+from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check_evaluations
+from curiobench.analysis.runs import LARGEST_NUMBER, RunData, check_config, columns_of
 from curiobench.versions import PACKAGES
 
 _TEXT = (
@@ -20,7 +20,7 @@ _TEXT = (
 _NUMBERS = ("epoch", "steps", "updates", "hours", "peak_memory_mb")
 
 
-def read_set(folder: Path, every_goal: bool = True) -> list[Run]:
+def read_set(folder: Path, every_goal: bool = True) -> list[RunData]:
     """The runs of a published set, with every evaluation of each, or the last.
 
     Raises ValueError, which names the folder, where a file is damaged or lacks a column, or the files disagree.
@@ -33,7 +33,7 @@ def read_set(folder: Path, every_goal: bool = True) -> list[Run]:
         raise ValueError(f"{folder}: cannot read it: {error}") from None
 
 
-def _read(folder: Path, every_goal: bool) -> list[Run]:
+def _read(folder: Path, every_goal: bool) -> list[RunData]:
     check_sums(folder)
     runs, evaluations, progress = (folder / name for name in PUBLISHED_FILES)
     types = dict.fromkeys(_TEXT, str) | dict.fromkeys(_NUMBERS, float) | {"complete": bool}
@@ -64,12 +64,12 @@ def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.Da
 
 def _run(
     folder: Path, row: dict[str, Any], rows: pd.DataFrame | None, details: pd.DataFrame | None, every_goal: bool
-) -> Run:
+) -> RunData:
     """A run from its row of runs.csv, and its rows of the other two files."""
     config, name = check_config(json.loads(row["config"])), row["run"]
     if rows is None:
         raise ValueError(f"{name} has no evaluation")
-    evaluations, layers = check(rows, config["task"], every_goal)
+    evaluations, layers = check_evaluations(rows, config["task"], every_goal)
     epoch, steps = (int(layers[column].iloc[-1]) for column in ("epoch", "steps"))
     if row["complete"] and epoch != config["epochs"]:
         raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
@@ -81,7 +81,7 @@ def _run(
     values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
     file = folder / CONFIGS / f"{name}.json"
     progress = pd.DataFrame() if details is None else _own_columns(details)
-    return Run(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)
+    return RunData(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)
 
 
 def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:

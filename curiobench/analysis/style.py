@@ -1,4 +1,4 @@
-"""How methods look and are called in every figure, and how all figures of results look.
+"""Names, colours and line styles of methods, and the theme of all figures.
 
 A curiosity method has one colour, solid with the hybrid mechanism, dashed without. The colours are Okabe and Ito's
 (2008), which differ for colour-blind readers too; methods beyond the paper's have Paul Tol's.
@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.canvas import import_matplotlib, settings
+from curiobench.analysis.canvas import import_matplotlib, matplotlib_settings
 from curiobench.methods.specs import BUILT_IN, canonical, split
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ OUTSIDE = (
     *("#0072B2", "#0000FF", "#00C300", "#FF0FFF", "#FF005A", "#965AFF"),
     *("#3C4B1E", "#E19678", "#782D0F", "#FF00A5", "#0F7800", "#A596FF"),
 )
-"""Colours of methods from outside: further from those above and from each other than some of those above are."""
+"""Colours of methods from outside, far from those above and from each other."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of lines in the background."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
@@ -52,7 +52,7 @@ def line_styles(specs: Iterable[str]) -> dict[str, dict[str, str]]:
 
 
 def _outside_colours(names: Collection[str]) -> dict[str, str]:
-    """The colour that a name chooses, so that it stays from figure to figure; the next one if another has it."""
+    """Colours by a hash of the name, so that all figures use the same; the next one if a colour is taken."""
     found: dict[str, str] = {}
     for name in sorted(names):
         first = zlib.crc32(name.encode()) % len(OUTSIDE)
@@ -64,7 +64,7 @@ def _outside_colours(names: Collection[str]) -> dict[str, str]:
 def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
     """Keywords of `Axes.plot` for each sample: its method's colour and dashes, and a marker.
 
-    The marker is the method's; where two samples would look the same, the later one gets another. It is filled with
+    The marker is the method's. If two samples would look the same, the second gets another one. Markers are filled with
     the hybrid mechanism.
     """
     found: dict[Sample, dict[str, Any]] = {}
@@ -81,7 +81,7 @@ def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
 
 
 def labels(samples: Sequence["Sample"]) -> dict["Sample", str]:
-    """What to call each sample: the method, the variant, and the number of seeds where samples differ in it.
+    """Name of each sample: method, variant, and number of seeds if samples differ in it.
 
     Methods from outside that would share a name keep their full spec.
     """
@@ -151,7 +151,7 @@ def theme() -> Iterator[None]:
         "text.parse_math": False,  # names of goals and options come from files
     }
     context = seaborn.plotting_context("paper")
-    with settings({**seaborn.axes_style("ticks"), **context, **ours}):
+    with matplotlib_settings({**seaborn.axes_style("ticks"), **context, **ours}):
         yield
 
 

@@ -1,6 +1,6 @@
-"""Runs that somebody submits, what they are compared with, and how the rules of rules.py are tried on them.
+"""Submitted runs, the reference they are compared with, and the loop that applies the rules of rules.py.
 
-Rules are independent: runs that break one fail one line. Folders that cannot be read fail the first rule only.
+Rules are independent: a run that breaks one rule fails one line. Folders that cannot be read fail the first rule only.
 """
 
 import json
@@ -25,24 +25,24 @@ from curiobench.tasks.registration import task_spec
 
 PRESETS_ONLY = "presets"  # name of the reference that is no published set
 _MOST_FAULTS, _MOST_RUNS = 10, 3
-"""Different faults of one property that are named, and runs of each, or methods; the others are counted."""
+"""How many faults of a property are named, and how many runs of each; the others are only counted."""
 
 PERSONAL = frozenset({"method", "method_config", "hybrid", "seed", "machine", "preset", "task", "robot"})
-"""Options that may differ: the method's own, and what decides no number or with which runs a run is compared."""
+"""Options that may differ: the method's own, those that affect no number, and those that select the reference."""
 
-Fault = tuple[str, str]  # what is wrong, and the run in which it is; no run where it is about several
+Fault = tuple[str, str]  # what is wrong, and the run, or "" if it is about several
 
 
 @dataclass(frozen=True)
 class Submission:
-    """Runs to examine."""
+    """Runs to check."""
 
     results: Results
     records: Mapping[str, Mapping[str, Any]]  # what config.json holds, by run
 
     @cached_property
     def configs(self) -> dict[str, dict[str, Any]]:
-        """Options by run, with those that older runs lack."""
+        """Options by run; options that are newer than the run have their default."""
         runs = self.results.runs
         return {run: with_later_fields(json.loads(text)) for run, text in zip(runs["run"], runs["config"], strict=True)}
 
@@ -72,7 +72,7 @@ def _by_run(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 @dataclass(frozen=True)
 class Reference:
-    """What a submission is compared with: published runs, or the presets alone."""
+    """The reference of a submission: published runs, or the presets alone."""
 
     name: str
     runs: Submission | None = None
@@ -89,14 +89,14 @@ class Reference:
         return rows[rows["task"] == task]
 
     def goals(self, task: str) -> set[tuple[str, str, int]]:
-        """Name, bits and layer of each goal of a task; empty where they are not known."""
+        """Name, bits and layer of each goal of a task; empty if unknown."""
         if task_spec(task).is_slow_to_enumerate:
             return goals_in(self.rows(task).drop_duplicates("bits"))
         space = task_spec(task).goal_space
         return set(zip(space.names, map(space.bit_string, space.goals), map(int, space.layers), strict=True))
 
     def satisfied_starts(self, task: str, total: int) -> dict[str, int] | None:
-        """Of how many of the test episodes the goal holds at the start, by its bits; None where that is not known."""
+        """Number of test episodes in which a goal holds at the start, by the goal's bits; None if unknown."""
         if (counts := satisfied_starts(task, total)) is not None:
             return counts
         rows = self.rows(task)
@@ -105,7 +105,7 @@ class Reference:
         return counts or None
 
     def unlike(self, config: Mapping[str, Any]) -> dict[str, str]:
-        """Differences, in words by option, from the most similar run of the same task and robot, or from the preset."""
+        """Differences by option, in words, from the most similar run of the same task and robot, or from the preset."""
         published = self.runs.configs.values() if self.runs else ()
         alike = [other for other in published if task_and_robot(other) == task_and_robot(config)]
         if not alike and config["preset"] not in PRESETS:
@@ -120,7 +120,7 @@ def goals_in(rows: pd.DataFrame) -> set[tuple[str, str, int]]:
 
 
 def task_and_robot(config: Mapping[str, Any]) -> tuple[str, str]:
-    """What runs that are compared have in common."""
+    """Task and robot, which compared runs share."""
     return config["task"], config["robot"]
 
 
@@ -143,11 +143,11 @@ def _differences(own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
 
 Rule = Callable[[Submission, Reference], Iterable[Fault]]
 RULES: list[tuple[str, str, Rule]] = []
-"""What holds of a good submission, what a fault comes to (FAIL or warn), and the rule; in the order of the report."""
+"""Property, verdict on a fault (FAIL or warn) and rule, in the order of the report."""
 
 
 def rule(property: str, verdict: str = "FAIL") -> Callable[[Rule], Rule]:
-    """Adds a function to the rules."""
+    """Decorator that adds a function to `RULES`."""
 
     def add(function: Rule) -> Rule:
         RULES.append((property, verdict, function))
@@ -157,12 +157,12 @@ def rule(property: str, verdict: str = "FAIL") -> Callable[[Rule], Rule]:
 
 
 def read_submission(paths: Sequence[Path]) -> Submission:
-    """The runs at paths; its faults name those that cannot be used."""
+    """The runs at paths, with faults about those that cannot be used."""
     return _with_records(read_results(paths))
 
 
 def reference(against: str | None) -> Reference:
-    """What runs are compared with; raises ValueError where there is no such set, or it is damaged."""
+    """The reference of this name. Raises ValueError if there is no such set, or it is damaged."""
     name = against or (available() or [PRESETS_ONLY])[-1]
     return Reference("the presets") if name == PRESETS_ONLY else Reference(name, _with_records(load(name)))
 
@@ -171,8 +171,8 @@ def _with_records(results: Results) -> Submission:
     return Submission(results, {run: read_json(file) for run, file in results.config_files.items()})
 
 
-def examine(runs: Submission, against: Reference) -> list[Finding]:
-    """Try every rule; where there is no run, all but the first are skipped."""
+def apply_rules(runs: Submission, against: Reference) -> list[Finding]:
+    """Apply every rule; without a run all but the first are skipped."""
     if runs.results.runs.empty:
         others = [Finding(property, "skip", "there is no run to examine") for property, _, _ in RULES[1:]]
         return [_finding(*RULES[0], runs, against), *others]
@@ -180,7 +180,7 @@ def examine(runs: Submission, against: Reference) -> list[Finding]:
 
 
 def _finding(property: str, verdict: str, rule: Rule, runs: Submission, against: Reference) -> Finding:
-    """What one property comes to; runs with the same fault are named together."""
+    """The finding of one rule; runs with the same fault are named together."""
     where: dict[str, list[str]] = {}
     try:
         for fault, run in rule(runs, against):

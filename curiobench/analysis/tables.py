@@ -1,4 +1,4 @@
-"""Tables of results: estimates over the seeds of methods, and the columns that show them. formats.py writes them."""
+"""Tables of results: estimates over the seeds of methods, and their columns. formats.py writes them as text."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from curiobench.analysis.frames import Results
-from curiobench.analysis.options import cautions, hour_digits
 from curiobench.analysis.samples import DECIMALS, GOOD_SUCCESS, Sample, TaskSamples
 from curiobench.analysis.statistics import (
     ENOUGH_SEEDS,
@@ -20,14 +19,15 @@ from curiobench.analysis.statistics import (
     seed_warnings,
     stratified_bootstrap,
 )
+from curiobench.analysis.variants import cautions, hour_digits
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
-RARE = 100  # a chance of one in 100 or less gets no note
+RARE = 100  # chances of at most one in 100 get no note
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % bootstrap interval over seeds; both ends are NaN where there is none, as with one seed."""
+    """A number with its 95 % bootstrap interval over seeds; both ends are NaN without an interval, as for one seed."""
 
     value: float
     low: float = float("nan")
@@ -44,7 +44,7 @@ Value = str | int | float | Estimate | None
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """Values of a sample by the columns of tables, which docs/results.md explains."""
+    """Values of a sample by column; docs/results.md explains the columns."""
 
     task: TaskSamples
     sample: Sample
@@ -71,7 +71,7 @@ class Table:
     notes: tuple[str, ...] = ()  # lines below it
 
     def best(self, column: Column) -> int | None:
-        """Row of the value whose interval lies above all others; None where there is none, or too few seeds."""
+        """Row of the value whose interval lies above all others; None without one, or with too few seeds."""
         values = [row.get(column.key) for row in self.rows]
         if not column.contest or len(values) < 2:
             return None
@@ -85,16 +85,16 @@ class Table:
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
-    """A summary of every task, method and variant; the last evaluation of a partial run counts as its end.
+    """Summaries of all tasks, methods and variants, compared with the baseline, a method spec.
 
-    Each is compared with the baseline, a method spec.
+    The last evaluation of a partial run counts as its end.
     """
     pairs = [(task, sample) for task in tasks for sample in task.samples]
     return [Summary(task, sample, _values(task, sample, _baseline(task, sample, baseline))) for task, sample in pairs]
 
 
 def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None:
-    """The baseline of the same variant, or else the only one of as many epochs, steps and updates; None without one."""
+    """The baseline of the same variant, or else the only one with equal epochs, steps and updates; None without one."""
     if sample.method == baseline:
         return None
     found = [other for other in task.samples if other.method == baseline]
@@ -141,9 +141,9 @@ def _final(sample: Sample) -> np.ndarray:
 
 
 def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate | None:
-    """None where either has a single seed: the probability would be 0 or 1, whatever the methods.
+    """None if either has a single seed, because the probability is then always 0, 0.5 or 1.
 
-    Where all runs of one are better than all of the other every resample has the same value; that is no interval.
+    If all runs of one are better than all of the other, every resample has the same value, and there is no interval.
     """
     if min(len(scores), len(baseline)) < 2:
         return None
@@ -153,13 +153,13 @@ def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate | None:
 
 
 def method_tables(summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
-    """Three tables a task, of summaries with this baseline: learned goals, success and cost, with a row a sample."""
+    """Three tables per task (learned goals, success, cost), with a row per sample, of summaries with this baseline."""
     groups = groupby(summaries, key=lambda summary: summary.task)
     return [table for _, group in groups for table in _tables_of_task(list(group), baseline)]
 
 
 def interval_notes(summaries: Sequence[Summary]) -> list[str]:
-    """What the brackets are, if there are any, and whether there are too few seeds to conclude from them."""
+    """Notes on the meaning of brackets, if there are any, and on too few seeds."""
     sizes = [(summary.sample.label, summary.sample.n_seeds) for summary in summaries]
     brackets = ["[ ] 95 % bootstrap interval over seeds"] if max(size for _, size in sizes) > 1 else []
     return brackets + seed_warnings(sizes)
@@ -194,7 +194,7 @@ def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
 
 
 def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
-    """Which methods were not compared with the baseline and why, and how little a probability of 0 or 1 says."""
+    """Notes on methods that were not compared with the baseline, and on probabilities of 0 or 1."""
     others = [summary for summary in summaries if summary.sample.method != baseline]
     notes = []
     missing = [summary.sample.method for summary in others if summary.values["better"] is None]
@@ -225,7 +225,7 @@ def name_columns(summaries: Sequence[Summary]) -> list[Column]:
 
 
 def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
-    """All numbers of `method_tables` in one table for csv files, with one row a task, method and variant."""
+    """All numbers of `method_tables` in one table for csv files, a row per task, method and variant."""
     layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
     keys = [
         *("task", "method", "variant", "seeds", "epochs", "goals", "learned"),
@@ -245,10 +245,7 @@ def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
 
 
 def run_table(results: Results, flat: bool = False) -> Table:
-    """A row a run, of which there is at least one: what it is, how far it has come, and its learned goals.
-
-    `flat` gives it the columns for csv files.
-    """
+    """A table of runs, at least one: identity, progress and learned goals. `flat` has the columns for csv files."""
     ends = {run: rows.to_dict("records") for run, rows in results.layers.groupby("run", observed=True)}
     rows = [_run_row(run, ends[run["run"]], flat) for run in results.runs.to_dict("records")]
     layers = sorted(set(results.layers["layer"]) - {0})

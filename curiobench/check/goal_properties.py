@@ -15,7 +15,7 @@ from curiobench import tasks
 from curiobench.build import goals_of
 from curiobench.check import Finding
 from curiobench.check.properties import expect, finding, no_global_randomness
-from curiobench.check.subject import global_generators, same, seeded_globals
+from curiobench.check.subject import BATCH, global_generators, same, seeded_globals
 from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.goal_guard import curriculum_metrics, goal_weights, goals_drawn
 from curiobench.methods.relabelling import Relabelling
@@ -24,7 +24,6 @@ from curiobench.tasks.goals import goal_space
 
 EPISODES, STEPS = 40, 12
 """Episodes in the replay, and their steps."""
-BATCH = 64
 
 
 def examine_goals(method: type[Curriculum] | type[Relabelling]) -> list[Finding]:

@@ -19,7 +19,7 @@ from curiobench.build import pair_layout
 from curiobench.check import Finding, Skipped
 from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot, used_globals
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
-from curiobench.methods.plugins import summary
+from curiobench.methods.plugins import error_line
 from curiobench.methods.reward import IntrinsicReward, Transitions
 from curiobench.tasks.goals import goal_space
 
@@ -57,7 +57,7 @@ def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Fi
     except Broken as fault:
         return Finding(name, "FAIL", str(fault))
     except (Exception, SystemExit) as error:
-        return Finding(name, "FAIL", f"expected no error, found {summary(error)}")
+        return Finding(name, "FAIL", f"expected no error, found {error_line(error)}")
     return Finding(name, "pass")
 
 

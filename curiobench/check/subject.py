@@ -56,7 +56,7 @@ class Subject:
         return replace(seen, **self.around(seed, states))
 
     def around(self, seed: int, states: list[Tensor]) -> dict[str, Tensor]:
-        """What else training tells of transitions with these states (B, D): random episodes around them."""
+        """Further fields of transitions with these states (B, D): random episodes that contain them."""
         size, generator = len(states[0]), torch.Generator().manual_seed(300 + seed)
         step = torch.randint(EPISODE_STEPS, (size,), generator=generator)
         found = {"step": step, "episode": torch.randperm(size, generator=generator)}

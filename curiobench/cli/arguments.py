@@ -26,10 +26,10 @@ class ListArguments:
 
 @dataclass(frozen=True)
 class GridArguments:
-    """Train tasks × methods × seeds, a run folder each, several at a time. Give the same command again to continue.
+    """Train tasks × methods × seeds, one run folder each, several at a time. Give the same command again to continue.
 
-    Finished cells are skipped; broken ones are reported, tried again, and stop no other. Ctrl-C ends every cell after
-    a checkpoint. Several grids may work in one folder at once, each on cells of its own.
+    Finished cells are skipped. Broken ones are reported and tried again; the others go on. Ctrl-C ends every cell after
+    a checkpoint. Several grids may work in one folder at once, each on its own cells.
     """
 
     out: Path
@@ -67,9 +67,9 @@ class GridArguments:
 
 @dataclass(frozen=True)
 class EvaluateArguments:
-    """Test the agent of a run's newest checkpoint on every goal, from plain starts, by its deterministic policy.
+    """Evaluate the agent of a run's newest checkpoint on every goal, from plain starts, with its deterministic policy.
 
-    The run may still be training. With the run's own number of episodes the starts are those of its evaluations.
+    The run may still be training. With the run's own number of episodes, starts are those of its evaluations.
     """
 
     run: tyro.conf.Positional[Path]
@@ -105,9 +105,9 @@ class VideoArguments:
 
 @dataclass(frozen=True)
 class TableArguments:
-    """Show what methods learned: learned goals, success and cost, with a row a task and method, over its seeds.
+    """Print learned goals, success and cost by task and method, over seeds.
 
-    A single run folder gives a line on that run. What each number means: docs/results.md in the repository.
+    A single run folder gives a line about that run. docs/results.md in the repository explains the numbers.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -121,16 +121,16 @@ class TableArguments:
     out: Path | None = None
     """Folder to write the tables to, in every format; files of the same names are replaced."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Count runs that are not finished, as far as they are."""
+    """Also count runs that are not finished."""
     each_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Show a line a run, finished or not."""
+    """Show a line per run, finished or not."""
 
 
 @dataclass(frozen=True)
 class FigureArguments:
     """Draw runs: success and learned goals over training, goals × methods, performance profiles, a comparison.
 
-    Each task has its own files, in which a method keeps its colour. What each shows: docs/figures.md in the repository.
+    Each task has its own files. A method has the same colour in all. docs/figures.md in the repository explains them.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -140,7 +140,7 @@ class FigureArguments:
     like: str | None = None
     """"paper" draws only the paper's Figures 4, 6C and 7."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Take runs that are not finished, too."""
+    """Also use runs that are not finished."""
     format: str = "pdf,png"
     """File formats, comma-separated: pdf, png, svg."""
 
@@ -149,7 +149,7 @@ class FigureArguments:
 class ReportArguments:
     """Write one HTML page about runs: tables that sort, figures, every goal with its picture, options, commands.
 
-    The page needs no network and no other file: it can be sent, kept or printed as it is.
+    The page needs no network and no other file.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -159,7 +159,7 @@ class ReportArguments:
     title: str | None = None
     """Title of the page; by default it names the tasks."""
     partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Take runs that are not finished, too."""
+    """Also use runs that are not finished."""
     baseline: str | None = None
     """Method that the others are compared with; by default sac, where there are runs of it."""
 
@@ -184,10 +184,10 @@ class PublishArguments:
 
 @dataclass(frozen=True)
 class SubmitCheckArguments:
-    """Examine whether runs can stand beside published ones: same tasks, test episodes and options, whole and enough.
+    """Check whether runs are comparable with published ones: same tasks, test episodes and options, enough seeds.
 
-    A line a property, which begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
-    little); below it what was found.
+    Prints a line per rule, which begins with pass, FAIL, skip (the rule does not apply) or warn (numbers may differ a
+    little), and details below it.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -199,9 +199,9 @@ class SubmitCheckArguments:
 
 @dataclass(frozen=True)
 class ProbeArguments:
-    """Show what curiosity thinks of scripted episodes: figures, numbers, and a controllability score a run.
+    """Compute intrinsic rewards along scripted episodes: figures, numbers, and a controllability score per run.
 
-    Reads the newest checkpoints; the runs may still be training. All must be of one task and robot.
+    Reads the newest checkpoints; the runs may still be training. All runs have to be of one task and robot.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -216,8 +216,8 @@ class ProbeArguments:
     """Score each step among random play, the same for all runs, or among transitions of the run's own replay, as in
     training (only while it lasts: see --machine.keep-replay)."""
     as_of_epoch: int | None = None
-    """Tell methods another epoch, of the paper's 500, than their checkpoint's: what would MI's growing weight of
-    conservativeness change?"""
+    """Epoch that methods get instead of their checkpoint's, on the paper's scale of 500. It changes MI's weight of
+    conservativeness."""
     method: tuple[str, ...] = ()
     """The runs' methods that are from outside: naming them allows importing them."""
 
@@ -234,16 +234,18 @@ class NewMethodArguments:
 
 @dataclass(frozen=True)
 class CheckArguments:
-    """Examine whether a curiosity method keeps the benchmark's rules, a line a property.
+    """Check whether a curiosity method keeps the benchmark's rules, and print a line per rule.
 
-    Each begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
+    A line begins with pass, FAIL, skip (the rule does not apply) or warn (it costs more than it should).
     """
 
     method: tyro.conf.Positional[str]
     """Method spec, such as my_pkg.curiosity:Mine or rnd."""
 
 
-def parse(kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None) -> Arguments:
+def parse_arguments(
+    kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None
+) -> Arguments:
     """Read the arguments of a command.
 
     Args:

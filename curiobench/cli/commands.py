@@ -22,7 +22,7 @@ from curiobench.cli.arguments import (
     SubmitCheckArguments,
     TableArguments,
     VideoArguments,
-    parse,
+    parse_arguments,
 )
 from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra, one_line
 from curiobench.tasks.registration import check_name
@@ -78,14 +78,14 @@ def video(arguments: VideoArguments) -> None:
 
 
 def table(arguments: TableArguments) -> None:
-    """Print tables of runs; raises ValueError, after them, that names the folders that are not in them."""
+    """Print tables of runs; then raises ValueError if a given path is not in them."""
     from curiobench.analysis.formats import show_tables
 
     show_tables(arguments)
 
 
 def figure(arguments: FigureArguments) -> None:
-    """Draw the figures of runs; raises ValueError, after them, that names the paths that gave no run."""
+    """Draw the figures of runs; then raises ValueError if a given path is not in them."""
     from curiobench.analysis.figures import draw_figures
     from curiobench.analysis.frames import print_faults, read_results
     from curiobench.analysis.samples import LOGGED
@@ -99,7 +99,7 @@ def figure(arguments: FigureArguments) -> None:
 
 
 def report(arguments: ReportArguments) -> None:
-    """Write a report on runs; raises ValueError, after it, that names the paths that gave no run."""
+    """Write a report on runs; then raises ValueError if a given path is not in it."""
     from curiobench.analysis.frames import print_faults
     from curiobench.analysis.report import write_report
     from curiobench.workers import cores
@@ -111,7 +111,7 @@ def report(arguments: ReportArguments) -> None:
 
 
 def probe(arguments: ProbeArguments) -> None:
-    """Print controllability scores of runs, and draw their curiosity along scripted episodes."""
+    """Print controllability scores of runs, and draw intrinsic rewards along scripted episodes."""
     from curiobench.probe.report import probe
 
     options = arguments.starts, arguments.seed, arguments.method, arguments.as_of_epoch, arguments.among
@@ -120,7 +120,7 @@ def probe(arguments: ProbeArguments) -> None:
 
 
 def new_method(arguments: NewMethodArguments) -> None:
-    """Write a curiosity method to start from, and say how it is tried."""
+    """Write a template of a curiosity method, and print how to check and train it."""
     from curiobench.check.new_method import write_method
 
     path, spec = write_method(arguments.name, arguments.out)
@@ -130,7 +130,7 @@ def new_method(arguments: NewMethodArguments) -> None:
 
 
 def check(arguments: CheckArguments) -> None:
-    """Print what is found in a method; raises CheckFailed, after it, where a property fails."""
+    """Check a method and print the findings; then raises CheckFailed if a property fails."""
     from curiobench.check.goal_properties import examine_goals
     from curiobench.check.properties import examine
     from curiobench.methods.plugins import file_of
@@ -153,7 +153,7 @@ def publish(arguments: PublishArguments) -> None:
 
 
 def submit_check(arguments: SubmitCheckArguments) -> None:
-    """Print what is found in a submission; raises CheckFailed, after it, where a property fails."""
+    """Check a submission and print the findings; then raises CheckFailed if a rule is broken."""
     from curiobench.analysis.rules import submit_check
 
     title, findings = submit_check(arguments.runs, arguments.against)
@@ -179,11 +179,11 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "list": Command(list_choices, ListArguments, "tasks, robots, methods and presets"),
-    "train": Command(train, None, "train one run in a folder; it may be stopped and resumed at any time"),
+    "train": Command(train, None, "train one run; it can be stopped and resumed at any time"),
     "grid": Command(grid, GridArguments, "train tasks × methods × seeds, several runs at a time"),
-    "evaluate": Command(evaluate, EvaluateArguments, "test a run's agent on every goal"),
-    "video": Command(video, VideoArguments, "film a run's agent while it pursues a goal"),
-    "table": Command(table, TableArguments, "what methods learned, over seeds, beside the paper, or run by run"),
+    "evaluate": Command(evaluate, EvaluateArguments, "evaluate a run's agent on every goal"),
+    "video": Command(video, VideoArguments, "make a video of a run's agent pursuing a goal"),
+    "table": Command(table, TableArguments, "results of methods over seeds, beside the paper, or run by run"),
     "figure": Command(
         figure, FigureArguments, "learning curves, heat maps and comparisons of many runs, as PDF and PNG"
     ),
@@ -191,13 +191,15 @@ COMMANDS = {
     "probe": Command(
         probe,
         ProbeArguments,
-        "curiosity of several runs along scripted episodes, and their controllability scores",
+        "intrinsic rewards along scripted episodes, and controllability scores",
     ),
-    "new-method": Command(new_method, NewMethodArguments, "write a curiosity method of your own to start from"),
-    "check": Command(check, CheckArguments, "examine whether a curiosity method keeps the rules"),
-    "publish": Command(publish, PublishArguments, "finished runs as one folder of rows, tables, figures and a report"),
+    "new-method": Command(new_method, NewMethodArguments, "write a template of a curiosity method"),
+    "check": Command(check, CheckArguments, "check whether a curiosity method keeps the rules"),
+    "publish": Command(
+        publish, PublishArguments, "write finished runs to one folder of rows, tables, figures and a report"
+    ),
     "submit-check": Command(
-        submit_check, SubmitCheckArguments, "examine whether runs can stand beside the published ones"
+        submit_check, SubmitCheckArguments, "check whether runs are comparable with the published ones"
     ),
 }
 
@@ -240,7 +242,7 @@ def run(words: Sequence[str]) -> None:
 
         command.run(parse_train(words))
     else:
-        command.run(parse(command.arguments, name, words))
+        command.run(parse_arguments(command.arguments, name, words))
 
 
 def main() -> NoReturn:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from curiobench.cli.arguments import parse
+from curiobench.cli.arguments import parse_arguments
 from curiobench.config import RunConfig
 from curiobench.methods.specs import canonical
 from curiobench.presets import preset
@@ -29,7 +29,7 @@ class TrainArguments:
     config: Annotated[RunConfig, tyro.conf.arg(name="")]
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in this folder, with its own config; begin one if there is none yet. With more --epochs than it
-    was begun with, it is made longer."""
+    was begun with, it is lengthened."""
 
 
 def parse_train(arguments: Sequence[str]) -> TrainArguments:
@@ -52,9 +52,11 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     if method != defaults.method:
         defaults = replace(defaults, method=method, method_config=None)
     if defaults.method_config is None:
-        return parse(TrainArguments, "train", arguments, TrainArguments(out=tyro.MISSING, config=defaults))
+        return parse_arguments(TrainArguments, "train", arguments, TrainArguments(out=tyro.MISSING, config=defaults))
     kind = _with_settings(type(defaults.method_config))
-    parsed = parse(kind, "train", arguments, kind(out=tyro.MISSING, config=defaults, settings=defaults.method_config))
+    parsed = parse_arguments(
+        kind, "train", arguments, kind(out=tyro.MISSING, config=defaults, settings=defaults.method_config)
+    )
     return replace(parsed, config=replace(parsed.config, method_config=parsed.settings))
 
 

@@ -1,9 +1,9 @@
-"""The cells of a grid: what each trains, by which command, in which folder. grid.json lists them for tables."""
+"""The cells of a grid: config, command and folder of each. grid.json lists them for tables."""
 
 import fcntl
 import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -14,7 +14,7 @@ from curiobench.cli.train_arguments import flags_of, parse_train
 from curiobench.config import RunConfig
 from curiobench.files import write_json, writing_to
 from curiobench.grid.definition import Grid, Options
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.options import flatten
 from curiobench.presets import PRESETS
 from curiobench.tasks.registration import check_name
@@ -60,7 +60,7 @@ class Cell:
 
 
 def cells_of(grid: Grid, out: Path) -> list[Cell]:
-    """All cells, those of the first seed first: what a grid has after a third of its time can be compared already.
+    """All cells, ordered by seed, so that methods can be compared before the grid is finished.
 
     Raises ValueError where a task, method or option is wrong; one line that says which.
     """
@@ -68,16 +68,13 @@ def cells_of(grid: Grid, out: Path) -> list[Cell]:
         _check_names(options)
     if taken := [name for name in _AXES_OF_ALL if name in grid.options]:
         raise ValueError(f"options: {taken[0]} has a key and a flag of its own")
-    by_seed = list(zip(*(_seeds_of_one(grid, out, *axes) for axes in _axes(grid)), strict=True))
+    axes = product(grid.tasks, grid.methods, grid.variants)
+    by_seed = list(zip(*(_seeds_of_one(grid, out, *axis) for axis in axes), strict=True))
     cells = [cell for row in by_seed for cell in row]
     folders = [cell.folder for cell in cells]
     if doubled := [name for name in folders if folders.count(name) > 1]:
         raise ValueError(f"two cells would share the folder {doubled[0]}; is a method named twice?")
     return cells
-
-
-def _axes(grid: Grid) -> Iterator[tuple[str, str, str]]:
-    return product(grid.tasks, grid.methods, grid.variants)
 
 
 def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -> list[Cell]:
@@ -88,7 +85,7 @@ def _seeds_of_one(grid: Grid, out: Path, task: str, method: str, variant: str) -
         config = parse_train(["--task", task, "--method", method, *flags, *flags_of("out", str(out))]).config
     except ValueError as error:
         raise ValueError(f"{' '.join(filter(None, (task, method, variant)))}: {error}") from None
-    method = shown(config.method)
+    method = display_name(config.method)
     cells = []
     for seed in grid.seeds:
         folder = "-".join(filter(None, (task, folder_name(method), variant, str(seed))))
@@ -104,7 +101,7 @@ def folder_name(method: str) -> str:
 
 
 def _check_names(options: Options) -> None:
-    """See that options exist. Not left to the parser alone, which knows flags that are no options, such as --help."""
+    """Check that options exist. The parser also accepts flags that are not options, such as --help."""
     own = (*_OWN, *_AXES_OF_ALL, "method_config")
     fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
     legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))

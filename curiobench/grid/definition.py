@@ -1,4 +1,4 @@
-"""What a grid is made of, from flags and a YAML file."""
+"""The definition of a grid, from flags and a YAML file."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -54,12 +54,12 @@ class Grid:
 
 
 def _repeated(values: Sequence[Any]) -> list[Any]:
-    """Values that stand earlier in the sequence, too."""
+    """Values that occur earlier in the sequence."""
     return [value for i, value in enumerate(values) if value in values[:i]]
 
 
 def define(arguments: GridArguments) -> Grid:
-    """The grid of a command line: what its file says, overridden by its flags; raises ValueError, one line."""
+    """The grid of a command line: its file, overridden by its flags. Raises ValueError, one line."""
     values = {} if arguments.file is None else read_definition(arguments.file)
     for name in ("tasks", "methods"):
         if (text := getattr(arguments, name)) is not None:

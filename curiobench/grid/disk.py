@@ -1,4 +1,4 @@
-"""The state of a cell, read from its folder. Grids share nothing but folders, so it is read anew each time."""
+"""The state of a cell, read from its folder each time, because other grids may change it."""
 
 import csv
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from curiobench.run_folder import REPLAY, is_locked, read_config
 
 
 class State(StrEnum):
-    """What a cell is doing."""
+    """State of a cell."""
 
     WAITING = "waiting"
     RUNNING = "running"
@@ -21,11 +21,11 @@ class State(StrEnum):
     FINISHED = "finished"
     BROKEN = "broken"
     CONFLICT = "conflict"
-    """Its folder holds something else, which is not touched."""
+    """Its folder holds something else, which is not changed."""
     STOPPED = "stopped"
 
 
-def look(cell: Cell) -> tuple[State, str]:
+def cell_state(cell: Cell) -> tuple[State, str]:
     """State of a cell that this grid does not run, and the reason if it is a conflict."""
     if not (cell.path / "config.json").exists():
         return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
@@ -39,13 +39,13 @@ def look(cell: Cell) -> tuple[State, str]:
         if begun.epochs == cell.config.epochs:
             return State.FINISHED, ""
         if not (cell.path / REPLAY).is_dir():
-            return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay kept to be made longer from"
+            return State.CONFLICT, f"{cell.path} has {begun.epochs} epochs and no replay, so it cannot be lengthened"
     return (State.ELSEWHERE if is_locked(cell.path) else State.WAITING), ""
 
 
 @dataclass
 class Progress:
-    """How far a run has come."""
+    """Progress of a run."""
 
     epoch: int = 0
     """Epochs completed."""
@@ -79,7 +79,7 @@ class ProgressReader:
         return self.progress
 
     def _read(self, written: float) -> Progress:
-        rows = _whole_rows(self._path / "progress.csv")
+        rows = _complete_rows(self._path / "progress.csv")
         if not rows:
             return Progress()
         learned = [row["goals_learned"] for row in rows if row["goals_learned"]]
@@ -90,7 +90,7 @@ class ProgressReader:
         )
 
 
-def _whole_rows(path: Path) -> list[dict[str, Any]]:
+def _complete_rows(path: Path) -> list[dict[str, Any]]:
     """Rows of a csv file that another process may be appending to."""
     text = path.read_text(encoding="utf-8")
     return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -22,7 +23,7 @@ ONE_THREAD = {
 """Environment of a cell: libraries otherwise start a thread a core in every one of them."""
 
 _POLL_SECONDS = 0.2
-"""Between two looks of a worker at its training process."""
+"""Interval at which a worker polls its training process."""
 
 _TETHER = Path(__file__).with_name("tether.py")
 
@@ -61,6 +62,12 @@ def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
     log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
     log.write(utf8(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n"))
     return log
+
+
+def log_failure(path: Path, reason: str) -> None:
+    """Write why a cell cannot be started to its log, if that can be written."""
+    with suppress(OSError), open(path, "a", encoding="utf-8") as log:
+        log.write(f"curiobench: {reason}\n")
 
 
 def tail(path: Path, start: int, lines: int = 6) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a grid shows while it works: a row a cell on a terminal, a line a change elsewhere."""
+"""Output of a running grid: a row per cell on a terminal, otherwise a line per change."""
 
 import time
 from collections import Counter
@@ -17,9 +17,9 @@ from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
 REFRESH_SECONDS = 1.0
-"""Between two drawings of the live rows, which take milliseconds of a core that a cell could use."""
+"""Interval between redraws of the live rows."""
 REPORT_SECONDS = 300.0
-"""Between two lines on the grid's progress where there is no terminal."""
+"""Interval between lines about progress if there is no terminal."""
 
 _STYLES = {
     State.RUNNING: "cyan",
@@ -30,10 +30,10 @@ _STYLES = {
     State.WAITING: "dim",
     State.FINISHED: "green",
 }
-"""Colours; the order decides which cells are shown where a terminal is too low for all."""
+"""Colours by state. If a terminal has too few lines for all cells, the first states are shown."""
 
 
-class View:
+class GridView:
     """Shows what happens; the scheduler calls it."""
 
     def event(self, text: str) -> None:
@@ -41,7 +41,7 @@ class View:
         raise NotImplementedError
 
     def started(self, status: Status) -> None:
-        """A cell's process has been started."""
+        """Called when a cell's process has been started."""
 
     def ended(self, status: Status) -> None:
         """A cell is finished, stopped, in conflict, or taken by another process."""
@@ -53,7 +53,7 @@ class View:
         """Release the terminal."""
 
 
-class PlainView(View):
+class PlainGridView(GridView):
     """Lines with the time of day, for logs; a line on all cells every few minutes."""
 
     def __init__(self) -> None:
@@ -73,10 +73,10 @@ class PlainView(View):
     def show(self, statuses: Sequence[Status], slots: int) -> None:
         if time.monotonic() - self._reported >= REPORT_SECONDS:
             self._reported = time.monotonic()
-            self.event(summary(statuses, slots))
+            self.event(status_line(statuses, slots))
 
 
-class LiveView(View):
+class LiveGridView(GridView):
     """A table on the terminal, drawn at most once a second; messages are printed above it."""
 
     def __init__(self) -> None:
@@ -105,13 +105,13 @@ class LiveView(View):
         self._drawn = time.monotonic()
 
 
-def view() -> View:
-    """The view for stdout: live on a terminal that can, else lines."""
-    return LiveView() if terminal.draws() else PlainView()
+def view() -> GridView:
+    """The view for stdout: live on a capable terminal, otherwise lines."""
+    return LiveGridView() if terminal.draws() else PlainGridView()
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
-    """A row a cell, as many as fit in `height` lines, the rest counted, and a line on the grid."""
+    """A row per cell, as many as fit in `height` lines, a count of the rest, and a line on the grid."""
     room = max(1, height - 4)
     shown, rest = list(statuses), []
     if len(statuses) > room:
@@ -126,7 +126,7 @@ def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:
     for status in shown:
         table.add_row(*_cells_of_row(status, known))
     more = [Text(f"… and {len(rest)} more: {_counts(rest)}", style="dim")] if rest else []
-    return Group(table, *more, Text(summary(statuses, slots)))
+    return Group(table, *more, Text(status_line(statuses, slots)))
 
 
 def _cells_of_row(status: Status, known: Paces) -> list[Text | ProgressBar | str]:
@@ -143,7 +143,7 @@ def _cells_of_row(status: Status, known: Paces) -> list[Text | ProgressBar | str
     ]
 
 
-def summary(statuses: Sequence[Status], slots: int) -> str:
+def status_line(statuses: Sequence[Status], slots: int) -> str:
     """One line on all cells."""
     finished = sum(status.state is State.FINISHED for status in statuses)
     others = _counts([status for status in statuses if status.state is not State.FINISHED])

@@ -8,12 +8,11 @@ import os
 import socket
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM, physical_cores, train_in_worker
+from curiobench.grid.launcher import LOST, PROGRAM, log_failure, physical_cores, train_in_worker
 
 _RESOURCES_SECONDS = 5.0
 """Between two questions how large the cluster is."""
@@ -35,8 +34,7 @@ class RayJob:
         try:
             return self._ray.get(self._task)
         except self._ray.exceptions.RayTaskError as error:
-            with suppress(OSError), open(self._log, "a", encoding="utf-8") as log:
-                log.write(f"curiobench: the worker cannot start the cell: {error.cause}\n")
+            log_failure(self._log, f"the worker cannot start the cell: {error.cause}")
             return 1
         except self._ray.exceptions.RayError:
             return LOST

@@ -1,4 +1,4 @@
-"""`curiobench grid`, top to bottom: read the definition, choose the launcher, train, report."""
+"""`curiobench grid`: read the definition, choose the launcher, train, report."""
 
 import shlex
 from collections.abc import Sequence
@@ -9,9 +9,9 @@ from curiobench.display import Terminal
 from curiobench.errors import Interrupted, RunFailed, StopRequest, pasted
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
-from curiobench.grid.disk import State, look
+from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
-from curiobench.grid.overview import View, summary, view
+from curiobench.grid.overview import GridView, status_line, view
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.status import Status
 
@@ -24,7 +24,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         command: the command line, for the record.
 
     Raises:
-        ValueError: nothing was begun: a task, method, option, file or number is wrong; one line.
+        ValueError: before any start: a task, method, option, file or number is wrong; one line.
         RunFailed: cells stay broken or in conflict; each has been reported.
         Interrupted: on Ctrl-C or SIGTERM, after the checkpoints of all cells.
     """
@@ -50,7 +50,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     Terminal().say(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
 
 
-def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: View) -> None:
+def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView) -> None:
     """Train cells and report faults; raises as `run_grid`."""
     with StopRequest() as stop:
         scheduler = Scheduler(cells, launcher, retries, view, stop)
@@ -65,7 +65,7 @@ def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: V
     for status in faults:
         Terminal().say(_fault_line(status))
     if stop.count:
-        raise Interrupted(f"{summary(statuses, slots)}; the same command continues", stop.number)
+        raise Interrupted(f"{status_line(statuses, slots)}; the same command continues", stop.number)
     if faults:
         raise RunFailed(f"{len(faults)} of {len(cells)} cells are not finished")
 
@@ -88,5 +88,5 @@ def _launcher(arguments: GridArguments, out: Path) -> Launcher:
 
 
 def _state(cell: Cell) -> str:
-    state, reason = look(cell)
+    state, reason = cell_state(cell)
     return f"{state}: {reason}" if reason else str(state)

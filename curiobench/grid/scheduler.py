@@ -9,23 +9,23 @@ from curiobench.errors import StopRequest
 from curiobench.grid.cells import Cell
 from curiobench.grid.disk import State
 from curiobench.grid.launcher import LOST, Launcher, size_of, tail
-from curiobench.grid.overview import View
+from curiobench.grid.overview import GridView
 from curiobench.grid.status import OPEN, Status
 from curiobench.run_folder import is_locked
 
 POLL_SECONDS = 0.5
-"""Between two looks at the processes; a cell takes minutes to days."""
+"""Interval at which processes are polled; a cell takes minutes to days."""
 ELSEWHERE_SECONDS = 5.0
-"""Between two looks at cells that another process trains."""
+"""Interval at which cells of other processes are read."""
 _TAKEN = "is already running"
-"""Part of the message of `train` where another process was first."""
+"""Part of the message of `train` if another process uses the folder."""
 
 
 class Scheduler:
-    """The loop. It reads the folder of a cell before each start, as other grids may work there."""
+    """The loop of a grid. It reads a cell's folder before each start, because other grids may work there."""
 
     def __init__(
-        self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: View, stop: StopRequest,
+        self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView, stop: StopRequest,
         poll: float = POLL_SECONDS, elsewhere_poll: float = ELSEWHERE_SECONDS,
     ) -> None:  # fmt: skip
         """
@@ -45,9 +45,9 @@ class Scheduler:
         self._signals_passed_on = 0
 
     def run(self) -> None:
-        """Until no cell is left, or until the cells have ended after a stop request."""
+        """Train until no cell is left, or until all cells have ended after a stop request."""
         for status in self.statuses:
-            self._look(status)
+            self._refresh(status)
         try:
             while self._running() or (not self._stop.count and any(s.state in OPEN for s in self.statuses)):
                 self._pass_signals_on()
@@ -63,14 +63,14 @@ class Scheduler:
     def _running(self) -> list[Status]:
         return [status for status in self.statuses if status.job]
 
-    def _look(self, status: Status) -> None:
+    def _refresh(self, status: Status) -> None:
         """Read the state of a cell from its folder, and queue the cell if it is to be trained."""
         if self._is_waiting(status):
             self._queue.append(status)
 
     def _is_waiting(self, status: Status) -> bool:
         """Read the state of a cell from its folder; whether it is to be trained."""
-        if status.look() is State.CONFLICT:
+        if status.refresh() is State.CONFLICT:
             self._view.event(f"{status.cell.folder}: left alone: {status.reason}")
         return status.state is State.WAITING
 
@@ -81,10 +81,10 @@ class Scheduler:
         self._looked = time.monotonic()
         for status in self.statuses:
             if status.state is State.ELSEWHERE:
-                self._look(status)
+                self._refresh(status)
             elif status.state is State.WAITING and is_locked(status.cell.path):
                 self._queue.remove(status)
-                self._look(status)
+                self._refresh(status)
 
     def _start_waiting(self) -> None:
         while self._queue and len(self._running()) < self._launcher.slots():
@@ -108,7 +108,7 @@ class Scheduler:
                 self._ended(status, code)
 
     def _ended(self, status: Status, code: int) -> None:
-        """Decide what follows for a cell whose process has ended, by its folder."""
+        """Set the state of a cell whose process has ended from its folder, and queue it if it is to be tried again."""
         lines = tail(status.cell.log, status.log_start)
         if code == LOST and not self._stop.count:
             self._view.event(f"{status.cell.folder}: {_cause(code)}")

@@ -7,11 +7,10 @@ and waits for the job instead of submitting another.
 import os
 import signal
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM, train_in_worker
+from curiobench.grid.launcher import LOST, PROGRAM, log_failure, train_in_worker
 
 OPTIONS = (
     "account", "comment", "constraint", "cpus_per_task", "dependency", "exclude", "gpus_per_node", "gres", "mail_type",
@@ -19,7 +18,7 @@ OPTIONS = (
 )  # fmt: skip
 """Options of a job, by their names in submitit, which are sbatch's with _ for -. A cell is one task on one node."""
 _JOBS = 100
-"""Jobs at a time unless told otherwise: clusters limit how many a user may submit."""
+"""Default number of jobs at a time; clusters limit how many a user may submit."""
 _STATE_SECONDS = 30
 """Between two questions to SLURM on the states of all jobs."""
 _ENDING = (signal.SIGTERM, signal.SIGUSR2, signal.SIGINT)
@@ -46,8 +45,7 @@ class SlurmJob:
         if not self._job.paths.result_pickle.exists():
             return LOST
         if error := self._job.exception():
-            with suppress(OSError), open(self._log, "a", encoding="utf-8") as log:
-                log.write(f"curiobench: the job cannot start the cell: {error}\n")
+            log_failure(self._log, f"the job cannot start the cell: {error}")
             return 1
         code = self._job.result()
         stopped = (128 + signal.SIGINT, 128 + signal.SIGTERM)  # after a checkpoint: time was up, or it was preempted
@@ -90,7 +88,7 @@ class SlurmLauncher:
             self._executor = getattr(submitit, f"{cluster}Executor")(folder=out / ".slurm")
         except RuntimeError:
             raise ValueError("--launcher slurm finds no srun here; start it on a machine of the cluster") from None
-        # SLURM must not start a job again by itself: the grid does, after a look into the folder
+        # SLURM must not start a job again by itself: the grid does, after it has read the folder
         own = {"job_name": "curiobench", "stderr_to_stdout": True, "additional_parameters": {"no_requeue": True}}
         self._executor.update_parameters(**own, **parameters)
         self._job_class = self._executor.job_class

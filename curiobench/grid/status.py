@@ -1,11 +1,11 @@
-"""A cell while the grid works, and how long it will take."""
+"""State of a cell in a running grid, and estimates of the time that is left."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 
 from curiobench.grid.cells import Cell
-from curiobench.grid.disk import Progress, ProgressReader, State, look
+from curiobench.grid.disk import Progress, ProgressReader, State, cell_state
 from curiobench.grid.launcher import Job, size_of
 
 OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
@@ -34,12 +34,12 @@ class Status:
 
     @property
     def progress(self) -> Progress:
-        """How far the run has come."""
+        """Progress of the run."""
         return self.reader.progress
 
-    def look(self) -> State:
+    def refresh(self) -> State:
         """Read the state from the folder; only for a cell that this grid does not run now."""
-        self.state, self.reason = look(self.cell)
+        self.state, self.reason = cell_state(self.cell)
         self.reader.update()
         return self.state
 
@@ -55,14 +55,14 @@ class Status:
 
 
 Paces = Mapping[object, float]
-"""Mean seconds an epoch, by what cells have in common."""
+"""Mean seconds per epoch, by the shared properties of cells in `_ALIKE`."""
 
 _ALIKE: Sequence[Callable[[Cell], object]] = (
     lambda cell: (cell.config.task, cell.method, cell.variant),
     lambda cell: (cell.config.task, cell.variant),
     lambda cell: cell.config.task,
 )
-"""What similar cells have in common, the most similar first."""
+"""Shared properties of similar cells, the most similar first."""
 
 
 def paces(statuses: Iterable[Status]) -> Paces:

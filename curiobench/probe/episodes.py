@@ -20,7 +20,7 @@ REFERENCE_WORLDS = 32
 
 
 @dataclass(frozen=True)
-class Kind:
+class ScriptedEpisode:
     """A kind of scripted episode, about block a."""
 
     name: str
@@ -42,9 +42,9 @@ class Kind:
         return space.check(bits)
 
 
-KINDS = (
-    Kind("stack", "pick and stack", stack_two, stack_moments, stacks=True),
-    Kind("push", "push off the table", push_off_table, push_moments, stacks=False),
+SCRIPTED_EPISODES = (
+    ScriptedEpisode("stack", "pick and stack", stack_two, stack_moments, stacks=True),
+    ScriptedEpisode("push", "push off the table", push_off_table, push_moments, stacks=False),
 )
 
 
@@ -52,7 +52,7 @@ KINDS = (
 class Played:
     """Scripted episodes of one kind, in N worlds."""
 
-    kind: Kind
+    kind: ScriptedEpisode
     """Of the episodes."""
     episodes: Episodes
     """N of them; T steps each."""
@@ -81,15 +81,15 @@ def play_scripts(task: str, robot: str, starts: int, seed: int) -> list[Played]:
     if starts < 1:
         raise ValueError(f"starts is {starts}; it must be at least 1")
     source = np.random.SeedSequence(seed, spawn_key=(0,))
-    return [_play_script(kind, BatchedStacking(task, starts, robot, seed=source)) for kind in KINDS]
+    return [_play_script(kind, BatchedStacking(task, starts, robot, seed=source)) for kind in SCRIPTED_EPISODES]
 
 
 def reference_transitions(task: str, robot: str, seed: int) -> Batch:
     """The transitions among which every probed one is scored, shuffled; the same for every method.
 
-    Uniformly random actions, half of them from plain starts and half from biased ones, as training has both. There is
-    no scripted play among them: a few more or less of its lifts and falls would decide which of the two has near
-    neighbours, and with that the outcome. Raises ValueError where physics diverged.
+    Actions are uniformly random, half of them from plain starts and half from biased ones, as in training. There are no
+    scripted episodes: the numbers of their lifts and falls would decide which of the two has near neighbours. Raises
+    ValueError if physics diverged.
     """
     sources = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(3)
     rng = np.random.default_rng(sources.pop())
@@ -125,10 +125,10 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
     }
 
 
-def _play_script(kind: Kind, worlds: BatchedStacking) -> Played:
+def _play_script(kind: ScriptedEpisode, worlds: BatchedStacking) -> Played:
     script, qpos = kind.script(), []
-    seen = worlds.reset(goals=kind.goal(worlds.goal_space))
-    episodes = _play(worlds, seen, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
+    first = worlds.reset(goals=kind.goal(worlds.goal_space))
+    episodes = _play(worlds, first, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
     return Played(kind, episodes, np.stack(qpos, axis=1), worlds.model)
 
 
@@ -137,9 +137,11 @@ def _play_random(worlds: BatchedStacking, rng: np.random.Generator, biased: bool
     return _play(worlds, worlds.reset(biased=biased), lambda _: rng.uniform(-1, 1, shape))
 
 
-def _play(worlds: BatchedStacking, seen: Observation, act: Act, watch: Callable[[], object] = lambda: None) -> Episodes:
+def _play(
+    worlds: BatchedStacking, first: Observation, act: Act, watch: Callable[[], object] = lambda: None
+) -> Episodes:
     """`play`, which raises ValueError where physics diverged."""
-    episodes, intact, _ = play(worlds, seen, lambda now: act(now).astype(np.float32), watch)
+    episodes, intact, _ = play(worlds, first, lambda now: act(now).astype(np.float32), watch)
     if not intact.all():
         raise ValueError("the physics of a probed episode diverged; choose another seed")
     return episodes

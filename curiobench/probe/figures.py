@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curiobench.analysis.canvas import new_figure, save
+from curiobench.analysis.canvas import new_figure, save_figure
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played
 from curiobench.probe.scores import ProbedRun, Reading, others
@@ -64,12 +64,12 @@ def draw_rewards(
     reference = REFERENCES[among].format(others="/".join(sorted({str(others(run)) for run in runs})))
     caption = CAPTION.format(task=first.task, robot=first.robot, start=start, seed=seed, reference=reference)
     if runs[0].as_of_epoch is not None:
-        caption += f" Methods are told that it is epoch {runs[0].as_of_epoch}."
+        caption += f" Methods get epoch {runs[0].as_of_epoch}."
     figure.supxlabel(textwrap.fill(caption, 130), fontsize=7.5, color="0.35", x=0.02, ha="left")
     figure.canvas.draw()  # fixes the layout, which the pictures' places depend on
     figure.set_layout_engine("none")
     _pictures(figure, axes, strip, played, moments)
-    return save(figure, path, ("png", "pdf"))
+    return save_figure(figure, path, ("png", "pdf"))
 
 
 def draw_q_int(
@@ -107,7 +107,7 @@ def draw_q_int(
     for axes, name in zip(panels[:, 0], Q_NAMES.values(), strict=True):
         axes.set_ylabel(name)
     _legend(figure, panels.flat)
-    return save(figure, path, ("png", "pdf"))
+    return save_figure(figure, path, ("png", "pdf"))
 
 
 def shade(axes: "Axes", played: Played) -> None:

@@ -1,24 +1,24 @@
-"""Probing runs from beginning to end: play, read, write numbers and scores, draw."""
+"""`curiobench probe`: play episodes, compute rewards, write numbers and scores, draw."""
 
 import csv
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from curiobench.analysis.canvas import settings
+from curiobench.analysis.canvas import matplotlib_settings
 from curiobench.analysis.style import line_styles
 from curiobench.display import align
 from curiobench.files import writing_to
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.reward import Batch
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.probe import Among
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
 from curiobench.probe.scores import (
+    ControllabilityScore,
     ProbedRun,
     Reading,
-    Score,
     controllability,
     open_runs,
     own_transitions,
@@ -36,7 +36,7 @@ def probe(
     as_of_epoch: int | None = None,
     among: Among = "random",
 ) -> tuple[str, list[str], list[Path]]:
-    """Probe runs of one task and robot, and write what was found; files of the same names are replaced.
+    """Probe runs of one task and robot, and write the results; files of the same names are replaced.
 
     Args:
         paths: run folders.
@@ -45,7 +45,7 @@ def probe(
         seed: of the starts and of the reference play.
         trusted: methods from outside that may be imported.
         as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
-        among: what a probed transition is scored among.
+        among: kind of reference transitions.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
@@ -74,7 +74,7 @@ def _references(runs: Sequence[ProbedRun], seed: int, among: Among) -> list[Batc
     return [reference_transitions(runs[0].config.task, runs[0].config.robot, seed)] * len(runs)
 
 
-@settings()
+@matplotlib_settings()
 def draw(
     runs: Sequence[ProbedRun],
     readings: Sequence[Sequence[Reading]],
@@ -94,7 +94,7 @@ def draw(
     return files
 
 
-def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
+def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilityScore]) -> str:
     """A line a run, the highest score first."""
     lines = [
         [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.mean)),
@@ -104,9 +104,9 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[Score]) -> str:
     return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
 
 
-def _score_row(run: ProbedRun, score: Score, among: Among) -> dict[str, Any]:
+def _score_row(run: ProbedRun, score: ControllabilityScore, among: Among) -> dict[str, Any]:
     return {
-        "method": shown(run.config.method),
+        "method": display_name(run.config.method),
         "run": str(run.path),
         "epoch": run.epoch,
         "among": among,
@@ -131,11 +131,12 @@ def _number_rows(
                 values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
                 values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
                            for name in MEMBERS}  # fmt: skip
-                yield {"method": shown(run.config.method), "run": str(run.path), "epoch": run.epoch} | row | values
+                of_run = {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch}
+                yield of_run | row | values
 
 
 def _step_rows(played: Played) -> Iterator[dict[str, Any]]:
-    """What the steps of the episodes are, whatever the run."""
+    """The columns of each step that do not depend on the run."""
     track = played.track
     lifts, falls = lifting(track), falling(track)
     for start, heights in enumerate(track.block[:, 1:, 2]):

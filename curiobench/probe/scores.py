@@ -1,6 +1,6 @@
 """Intrinsic reward and Q_int along scripted episodes, and a controllability score.
 
-The paper's Figures 5 and 6 on any checkpoints; docs/probes.md says what is measured. Nothing in an agent changes.
+The paper's Figures 5 and 6 on any checkpoints; docs/probes.md explains the quantities. Agents do not change.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,13 +14,13 @@ from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.guard import MethodError
 from curiobench.methods.reward import Batch
-from curiobench.methods.specs import shown
+from curiobench.methods.specs import display_name
 from curiobench.probe.episodes import Played, transitions
 from curiobench.probe.steps import falling, lifting
 from curiobench.saved_agent import SavedRun, load_saved
 
 LARGEST_BATCH = 512
-"""Transitions among which one is scored at most, itself included; a run's own batch size where that is smaller."""
+"""Largest batch in which a transition is scored; the run's batch size if that is smaller."""
 RESAMPLES = 10_000
 """Bootstrap resamples of the starts."""
 
@@ -48,7 +48,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Score:
+class ControllabilityScore:
     """Mean normalised reward of controlled lifting less that of falling, in standard deviations of the reward."""
 
     mean: float
@@ -97,7 +97,7 @@ def open_runs(
     notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
         raise ValueError("; ".join(notes))
-    specs = [shown(run.config.method) for run in curious]
+    specs = [display_name(run.config.method) for run in curious]
     labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
     if as_of_epoch is not None:
         notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
@@ -165,13 +165,13 @@ def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.T
         states = reference.next_observation[-method.n_particles :]
         together = replace(together, particles=states if reference.particles is None else reference.particles)
     epoch = run.config.paper_epoch(run.epoch) if run.as_of_epoch is None else run.as_of_epoch
-    seen = run.agent.transitions(together, epoch)
+    scored = run.agent.transitions(together, epoch)
     rest = torch.arange(n, n + size)
-    batches = (seen.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
+    batches = (scored.rows(torch.cat([torch.tensor([i]), rest])) for i in range(n))
     return torch.stack([run.agent.learner.curiosity.reward(batch)[0] for batch in batches])
 
 
-def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> Score:
+def controllability(readings: Sequence[Reading], played: Sequence[Played], seed: int) -> ControllabilityScore:
     """The score of a run, from its readings of both kinds of episodes, which have the same N starts.
 
     A start's score is the mean over its lifting steps less the mean over its falling steps, in whichever episode they
@@ -182,10 +182,10 @@ def controllability(readings: Sequence[Reading], played: Sequence[Played], seed:
     return score(normalised, lifts, falls, seed)
 
 
-def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> Score:
+def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: int) -> ControllabilityScore:
     """The score from normalised rewards, and which steps are lifting and falling, all (N, S).
 
-    The bootstrap resamples starts, so that its interval says how much the choice of starts matters, and no more.
+    The bootstrap resamples starts, so its interval only reflects the choice of starts.
     """
     both = lifts.any(axis=1) & falls.any(axis=1)
     if not both.any():
@@ -197,4 +197,4 @@ def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: in
     drawn = np.random.default_rng(seed).integers(len(differences), size=(RESAMPLES, len(differences)))
     low, high = np.percentile(differences[drawn].mean(axis=1), (2.5, 97.5))
     means = (float(x) for x in (differences.mean(), low, high, of_lifts.mean(), of_falls.mean()))
-    return Score(*means, len(differences))
+    return ControllabilityScore(*means, len(differences))

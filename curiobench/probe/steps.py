@@ -1,7 +1,7 @@
 """Events in a scripted episode: the steps that lift a block in the hand, the steps in which it falls, key moments.
 
-The definitions look at the block, not at the script. An episode in which the grip slips counts as what happened. Step
-t leads from state t to state t + 1.
+Events depend on the motion of the block, not on the script, so an episode in which the grip slips counts as observed.
+Step t leads from state t to state t + 1.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 
 from curiobench.tasks.placements import BLOCK_SIZE
 from curiobench.tasks.scene import TABLE_CENTRE, TABLE_HALF_SIZE
-from curiobench.tasks.scripts import View
+from curiobench.tasks.scripts import ObservationParts
 
 CHANGE = 0.01
 """Least change of height in a lifting or falling step (metres): a pushed block jitters by half of that, a full action
@@ -39,7 +39,7 @@ class Track:
     @classmethod
     def of(cls, observation: np.ndarray) -> Self:
         """The track of block a in observations (…, T + 1, D)."""
-        view = View(observation.reshape(-1, observation.shape[-1]).astype(np.float64))
+        view = ObservationParts(observation.reshape(-1, observation.shape[-1]).astype(np.float64))
         lead = observation.shape[:-1]
         return cls(*(a.reshape(*lead, 3) for a in (view.block(0), view.grip)), view.fingers.mean(1).reshape(lead))
 

@@ -1,4 +1,4 @@
-"""What an agent is: acting and learning, as training, evaluation, saved agents and the probe ask for it."""
+"""The interface of an agent, which training, evaluation, saved agents and the probe use."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -14,22 +14,22 @@ from curiobench.methods.reward import Batch, Transitions
 
 
 class LearningAgent(ABC):
-    """Acts, and gives the losses that its learner descends."""
+    """Chooses actions, and computes the losses that its learner minimises."""
 
     learner: Learner
-    """Has the networks, the curiosity method and the optimiser."""
+    """Holds the networks, the curiosity method and the optimiser."""
 
     @abstractmethod
     def act(
         self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray, deterministic: bool = False
     ) -> np.ndarray:
-        """Actions of all worlds at once.
+        """Actions for N observations.
 
         Args:
             observation: (N, D), raw.
             achieved_goal: (N, bits).
             desired_goal: (N, bits).
-            deterministic: the mode of the policy that is evaluated; nothing in the agent changes then.
+            deterministic: take the mode of the evaluated policy. The agent does not change.
 
         Returns:
             (N, A) float32 in [-1, 1].
@@ -37,7 +37,7 @@ class LearningAgent(ABC):
 
     @abstractmethod
     def losses(self, step: Step) -> Losses:
-        """All losses of an update, at the same weights."""
+        """All losses of an update, computed before any weight changes."""
 
     def observe(
         self,
@@ -48,36 +48,36 @@ class LearningAgent(ABC):
     ) -> None:
         """Add collected observations (..., D) and goals (..., bits) to the normalisers. Never called in evaluation.
 
-        Whole episodes, (N, T + 1, ...) with their actions (N, T, A), go to the curiosity method, too.
+        Complete episodes, (N, T + 1, ...) with their actions (N, T, A), also go to the curiosity method.
         """
         learner, observed = self.learner, (observation, achieved_goal, desired_goal)
         learner.encoder.observe(*(learner.tensor(np.reshape(a, (-1, a.shape[-1]))) for a in observed))
         if learner.curiosity is not None and action is not None:
-            seen, actions, achieved = map(learner.tensor, (observation, action, achieved_goal))
-            learner.curiosity.observe(seen, actions, achieved, learner.encoder.normalise)
+            states, actions, achieved = map(learner.tensor, (observation, action, achieved_goal))
+            learner.curiosity.observe(states, actions, achieved, learner.encoder.normalise)
 
     def update(self, batch: Batch, epoch: int = 0) -> Metrics:
-        """One step of all that learns, on a batch.
+        """One gradient update on a batch.
 
         Args:
-            batch: B transitions, raw, any numeric type; copied.
-            epoch: of the paper's 500 (`RunConfig.paper_epoch`), passed to the curiosity method.
+            batch: B raw transitions of any numeric type; copied.
+            epoch: passed to the curiosity method, on the paper's scale of 500 (`RunConfig.paper_epoch`).
 
         Returns:
-            Scalar tensors by name, means over the batch, to be read only when logged: reward (r_ext) and those of the
-            losses; with a curiosity method intrinsic_raw, intrinsic_normalised, bonus_spread (the standard deviation
-            of tau · n(r_int) over the batch), and the method's own.
+            Scalar tensors by name, means over the batch: reward (r_ext) and the metrics of the losses; with a curiosity
+            method also intrinsic_raw, intrinsic_normalised, bonus_spread (the standard deviation of tau · n(r_int) over
+            the batch), and the method's own. Read them only to log them: reading waits for the device.
 
         Raises:
-            NonFiniteError: a loss is NaN or infinite; neither weights nor optimiser have taken that step. (On CUDA
-                it is noticed up to CUDA_CHECK_EVERY updates late.)
-            MethodError: the curiosity method raised or broke a rule; agent as before, normaliser of rewards apart.
+            NonFiniteError: a loss is NaN or infinite. Weights and optimiser are unchanged. (On CUDA the error comes up
+                to CUDA_CHECK_EVERY updates late.)
+            MethodError: the curiosity method raised or broke a rule. Only the normaliser of rewards may have changed.
         """
         return self.learner.update(batch, epoch)
 
     @torch.no_grad()
     def transitions(self, batch: Batch, epoch: int) -> Transitions:
-        """What `update` shows of a batch to the curiosity method. Nothing that decides how the agent goes on changes.
+        """The curiosity method's input for a batch, as in `update`. Does not change how training continues.
 
         Raises ValueError where there is no curiosity method.
         """
@@ -90,7 +90,7 @@ class LearningAgent(ABC):
         return learner.transitions(batch, (inputs.state, next_inputs.state), epoch, view)
 
     def state_dict(self) -> dict[str, Any]:
-        """A copy of everything that decides how training continues; loads with `torch.load(weights_only=True)`."""
+        """A copy of all state that training depends on; loads with `torch.load(weights_only=True)`."""
         learner = self.learner
         own = {
             "curiosity": None if learner.curiosity is None else learner.curiosity.state_dict(),
@@ -101,15 +101,15 @@ class LearningAgent(ABC):
         return copy.deepcopy({name: part.state_dict() for name, part in learner.parts.items()} | own)
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave, in an agent of the same layout, config and method.
+        """Restore a `state_dict` of an agent with the same layout, config and method.
 
-        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent, MethodError where the
-        curiosity method does not take its own.
+        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent, and MethodError where
+        the curiosity method cannot load its part.
         """
         learner = self.learner
         if (state["curiosity"] is None) != (learner.curiosity is None):
             raise ValueError("the saved agent and this one do not have the same curiosity method")
-        state = copy.deepcopy(state)  # the optimiser keeps what it is given
+        state = copy.deepcopy(state)  # the optimiser keeps references to it
         for name, part in learner.parts.items():
             part.load_state_dict(state[name])
         learner.updates = state["updates"]

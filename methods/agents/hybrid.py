@@ -1,6 +1,6 @@
 """The hybrid policy mechanism (Han et al. 2023, doi 10.3389/fnbot.2023.1089270, sections 4.2 and 4.3), for any reward.
 
-Curiosity decides where data comes from, and no more: the policy that is evaluated never learns from it.
+Curiosity only decides which data is collected. The policy that is evaluated never learns from intrinsic reward.
 
     Q_ext(s, a, g)     twin critics on r_ext alone: y = r_ext + gamma · (min_k Q'_k - alpha_d · log pi_d),  a_d' ~ pi_d
     Q_int(s, a)        on r_int alone, bootstrapped with a_c' ~ pi_c; see q_int.py
@@ -11,16 +11,16 @@ Curiosity decides where data comes from, and no more: the policy that is evaluat
 
 What the paper leaves open, and what we chose:
 
-- "Q_ext" in Q_c and Q_d, also in Eq. 15, is the lesser of the twin critics, which is what both policies climb.
+- "Q_ext" in Q_c and Q_d, also in Eq. 15, is the minimum of the twin critics. Both policies maximise it.
 - Q_ext has SAC's entropy of pi_d in its bootstrap, Q_int none; V_c and V_d in Eq. 15 have no entropy of their own.
-- Both policies share their noise, and pi_c starts as a copy of pi_d. Each loss is as it would be with noise of its own,
-  Eq. 15 compares like with like (where Q_int is flat, its sign decides and not the draw), and with tau = 0 both stay
-  equal to the bit: the agent is then SAC on r_ext.
-- Each policy has its own temperature, all weights one Adam.
-- tau is fixed. With `adaptive_tau`, which the paper wishes for in its last section, it follows the spreads of Q_int and
-  Q_ext over actions: how far pi_c can differ from pi_d depends on these, not on the size of either.
-- A method's term in the policy's loss (DAC's) goes to pi_c, and so does its view of the policy: it shapes exploration,
-  and in pi_d it would bring back the distraction that the mechanism removes.
+- Both policies share their noise, and pi_c starts as a copy of pi_d. Neither loss changes by it. Eq. 15 then compares
+  actions of the same draw: where Q_int is flat, its sign decides and not the draw. With tau = 0 both policies stay
+  equal to the bit, and the agent is SAC on r_ext.
+- Each policy has its own temperature. One Adam trains all weights.
+- tau is fixed. With `adaptive_tau`, which the paper names as future work, it follows the spreads of Q_int and Q_ext
+  over actions. How far pi_c can differ from pi_d depends on these spreads, not on the size of the values.
+- A method's term in the policy's loss (DAC's) goes to pi_c, and its `PolicyView` is of pi_c. In pi_d the term would
+  bring back the distraction that the mechanism removes.
 """
 
 from typing import Any
@@ -38,15 +38,15 @@ from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.reward import Batch, IntrinsicReward
 
 EXPLOIT, EXPLORE = 0, 1
-"""pi_d and pi_c, wherever a tensor has one entry a policy."""
+"""Positions of pi_d and pi_c in tensors with one entry per policy."""
 PROBE_STATES, PROBE_ACTIONS = 64, 16
-"""States and random actions in each of them over which the spreads of Q_ext and Q_int are measured."""
+"""Number of states, and of random actions in each, over which the spreads of Q_ext and Q_int are measured."""
 TAU_RANGE = (1e-2, 1e3)
-"""Ends of the factor of tau under `adaptive_tau`."""
+"""Smallest and largest factor of tau under `adaptive_tau`."""
 
 
 class HybridAgent(LearningAgent):
-    """Its learner has both policies, and Q_ext as its critics."""
+    """SAC with an exploiting and an exploring policy. Its learner has both policies, and Q_ext as its critics."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class HybridAgent(LearningAgent):
     def act(
         self, observation: np.ndarray, achieved_goal: np.ndarray, desired_goal: np.ndarray, deterministic: bool = False
     ) -> np.ndarray:
-        """As `LearningAgent.act`; each world's action is pi_d's or pi_c's, by Eq. 15, and the mode is pi_d's."""
+        """As `LearningAgent.act`. Eq. 15 chooses pi_d's or pi_c's action for each world; the mode is pi_d's."""
         learner = self.learner
         inputs = learner.encode(observation, achieved_goal, desired_goal)
         if deterministic:
@@ -90,7 +90,7 @@ class HybridAgent(LearningAgent):
         return torch.where(exploit.unsqueeze(1), actions[EXPLOIT], actions[EXPLORE]).cpu().numpy()
 
     def _values(self, inputs: PairInputs, actions: Tensor) -> Tensor:
-        """Q_d(s, a_d, g) and Q_c(s, a_c, g) together (2, N), of actions (2, N, A)."""
+        """Q_d(s, a_d, g) and Q_c(s, a_c, g), stacked (2, N), of actions (2, N, A)."""
         values = self.learner.critics(inputs, actions).min(0).values
         of_explorer = self.intrinsic_values(inputs.state, actions[EXPLORE:])[self._explores_by, 0]
         values[EXPLORE] += self.learner.required_curiosity.tau * of_explorer
@@ -156,11 +156,11 @@ class HybridAgent(LearningAgent):
 
     @torch.no_grad()
     def _measure(self, batch: Batch) -> None:
-        """Once after each collection: share_exploitation, pi_d's share of its steps, two spreads over actions, and tau.
+        """Measure share_exploitation (pi_d's share of the steps), two action spreads and tau, once per collection.
 
         q_ext_action_spread and q_int_action_spread: standard deviations of Q_ext and of tau · Q_int over random actions
-        in one state, mean over states of the first batch. The explorer differs from the exploiter as far as the second
-        is no small part of the first.
+        in one state, mean over states of the first batch. The policies can differ only if the second is not much
+        smaller than the first.
         """
         if self._probe is None:
             self._probe = self.learner.buffers(batch).rows[:1, :PROBE_STATES].clone()
@@ -181,14 +181,14 @@ class HybridAgent(LearningAgent):
             self._steer(self._measured["q_ext_action_spread"], self._measured["q_int_action_spread"])
 
     def _steer(self, of_q_ext: float, of_q_int: float) -> None:
-        """Move tau by `tau_rate` of the way, in logarithms, to where the spread of tau · Q_int is as wished."""
+        """Move log tau by `tau_rate` of the way to a spread of tau · Q_int of `spread_ratio` times that of Q_ext."""
         if of_q_ext > 0 and of_q_int > 0:
             step = self.hybrid.spread_ratio * of_q_ext / of_q_int
             curiosity, (low, high) = self.learner.required_curiosity, TAU_RANGE
             curiosity.scale = min(max(curiosity.scale * step**self.hybrid.tau_rate, low), high)
 
     def state_dict(self) -> dict[str, Any]:
-        """As `LearningAgent.state_dict`, with the counts of pi_d's share, and what was measured on which states."""
+        """As `LearningAgent.state_dict`, with the counts of actions, and the measurements with their states."""
         counts = {"exploited": self._exploited, "acted": self._acted, "measured": dict(self._measured)}
         return super().state_dict() | counts | {"probe": None if self._probe is None else self._probe.clone()}
 

@@ -1,4 +1,4 @@
-"""What agents learn by, whatever their losses: normalised inputs, a curiosity method, one Adam and target networks."""
+"""The part of an agent that does not depend on its losses: networks, targets, normalisers, curiosity and Adam."""
 
 import copy
 import math
@@ -22,28 +22,28 @@ from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
 
 LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
-Pair = tuple[Tensor, Tensor]
+TensorPair = tuple[Tensor, Tensor]
 
 
 class Step(NamedTuple):
-    """What an update has found before it comes to its losses. B transitions, P policies, of which the last explores."""
+    """What the losses of an update are computed from: B transitions and P policies. The last policy explores."""
 
     batch: StaticBatch
-    inputs: PairInputs  # before the step
-    next_inputs: PairInputs  # after it
+    inputs: PairInputs  # before the transitions
+    next_inputs: PairInputs  # after them
     next_noise: Tensor  # (B, A) standard normal, for the next actions
-    sample: Pair | None  # actions (P, B, A) and log-densities (P, B), with gradients; None where only the critics learn
-    transitions: Transitions | None  # which the curiosity method sees; None without one, like the next
-    intrinsic: Pair | None  # r_int (B,), raw and z-scored
+    sample: TensorPair | None  # actions (P, B, A) and log-densities (P, B); None where only the critics are updated
+    transitions: Transitions | None  # input of the curiosity method; None without one
+    intrinsic: TensorPair | None  # r_int (B,), raw and z-scored; None without a curiosity method
 
     def actions(self, first: int = 0) -> Tensor:
-        """(K, B, A): the stored actions and, if there is a sample, those of the policies from the `first` on."""
+        """The stored actions and, if there is a sample, those of policies `first` and later: (K, B, A)."""
         stored = self.batch.action.unsqueeze(0)
         return stored if self.sample is None else torch.cat([stored, self.sample[0][first:]])
 
 
 class Learner:
-    """Networks, curiosity method and optimiser of an agent, and its updates but for the losses."""
+    """Networks, curiosity method and optimiser of an agent. The agent passes its losses to `prepare`."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Learner:
         method: IntrinsicReward | None,
         n_policies: int = 1,
     ) -> None:
-        """As in `SAC`; policies start alike. `prepare` is to be called next."""
+        """Arguments are those of `SAC`. All policies start with the same weights. Call `prepare` next."""
         self.layout, self.config, self.generator, self.device = layout, config, generator, generator.device
         curious = layout, config.tau, config.reward_window, self.device
         self.curiosity = None if method is None else Curiosity(method, *curious)
@@ -68,7 +68,7 @@ class Learner:
         self.batch: StaticBatch | None = None
 
     def prepare(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
-        """Set up Adam for all weights, those of more values among them, and the temperature if it is tuned."""
+        """Set up Adam for the weights of actor, critics and `more` values, and for a temperature that is tuned."""
         self.losses = losses
         self.sources = _weights([self.critics, *(value.net for value in more.values())])
         self.targets = _weights([self.target_critics, *(value.target_net for value in more.values())])
@@ -81,24 +81,24 @@ class Learner:
         self.parts = {name: getattr(self, name) for name in names} | more
 
     def encode(self, *raw: np.ndarray) -> PairInputs:
-        """What the networks read of observations (N, D), achieved and desired goals (N, bits)."""
+        """Network inputs from observations (N, D), achieved and desired goals (N, bits)."""
         return self.encoder.encode(*map(self.tensor, raw))
 
     def tensor(self, array: np.ndarray) -> Tensor:
-        """In float32, on the agent's device."""
+        """The array as float32 on the agent's device."""
         return torch.as_tensor(array, dtype=torch.float32, device=self.device)
 
     def noise(self, *shape: int) -> Tensor:
-        """Standard normal."""
+        """Standard normal numbers."""
         return torch.randn(shape, generator=self.generator, device=self.device)
 
     def buffers(self, batch: Batch) -> StaticBatch:
         """Fixed buffers with a batch copied in."""
         if self.batch is None or self.batch.size != len(batch.reward):
             self.batch = StaticBatch(self.layout, batch, self.device)
-            # whether the policies learn: an update less target networks and counter; on CUDA they never wait
-            steps = {acts: partial(self._step, self.batch, 0, acts) for acts in (True, False)}
-            self.steps = {acts: CapturedStep(step, self.generator) for acts, step in steps.items()}
+            # one step that updates the policies and one that does not, each captured once on CUDA
+            steps = {with_policy: partial(self._step, self.batch, 0, with_policy) for with_policy in (True, False)}
+            self.steps = {with_policy: CapturedStep(step, self.generator) for with_policy, step in steps.items()}
         self.batch.load(batch)
         return self.batch
 
@@ -106,18 +106,18 @@ class Learner:
         """See `LearningAgent.update`."""
         buffers = self.buffers(batch)
         self._set_learning_rate()
-        acts = self.updates % self.config.actor_every == 0
-        metrics = self.steps[acts]() if self.curiosity is None else self._step(buffers, epoch, acts)
+        with_policy = self.updates % self.config.actor_every == 0
+        metrics = self.steps[with_policy]() if self.curiosity is None else self._step(buffers, epoch, with_policy)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
             self.check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
         if self.updates % self.config.target_every == 0:
-            with torch.no_grad():  # or the targets' history would grow by a node each time
+            with torch.no_grad():  # otherwise the targets' graph would grow by a node each time
                 torch._foreach_lerp_(self.targets, self.sources, self.config.polyak)
         return metrics
 
     def _set_learning_rate(self) -> None:
-        """Let it fall, if it is to, from its full value to `LEAST_RATE` of that."""
+        """Decay it linearly to `LEAST_RATE` of its first value, over `decay_updates` updates if that is set."""
         if self.config.decay_updates is None:
             return
         passed = min(1.0, self.updates / self.config.decay_updates)
@@ -128,27 +128,28 @@ class Learner:
         else:
             group["lr"] = rate
 
-    def _step(self, batch: StaticBatch, epoch: int, acts: bool) -> Metrics:
-        """`acts` says whether the policies and temperatures learn, too."""
+    def _step(self, batch: StaticBatch, epoch: int, with_policy: bool) -> Metrics:
+        """Update the critics and, `with_policy`, the policies and temperatures."""
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         metrics = {"reward": batch.reward.mean()}
         next_noise, noise = self.noise(2, *batch.action.shape)
-        sample = view = seen = intrinsic = None
-        if acts or self.shows_policy:
-            with torch.set_grad_enabled(acts):
+        sample = view = transitions = intrinsic = None
+        if with_policy or self.shows_policy:
+            with torch.set_grad_enabled(with_policy):
                 mean, log_std = self.actor(inputs)
                 sample = squashed_gaussian(mean, log_std, noise)
             view = self.view(batch.source, (mean, log_std), sample)
         if self.curiosity is not None:
-            seen = self.transitions(batch.source, (inputs.state, next_inputs.state), epoch, view)
-            raw, normalised, learned = self.curiosity.learn(seen)
+            transitions = self.transitions(batch.source, (inputs.state, next_inputs.state), epoch, view)
+            raw, normalised, learned = self.curiosity.learn(transitions)
             intrinsic, metrics = (raw, normalised), metrics | learned
-        step = Step(batch, inputs, next_inputs, next_noise, sample if acts else None, seen, intrinsic)
-        return metrics | self.descend(self.losses(step), acts)
+        sample = sample if with_policy else None
+        step = Step(batch, inputs, next_inputs, next_noise, sample, transitions, intrinsic)
+        return metrics | self.descend(self.losses(step), with_policy)
 
     @property
     def shows_policy(self) -> bool:
-        """Whether the curiosity method asks for a view of the policy that explores."""
+        """Whether the curiosity method reads a `PolicyView` of the exploring policy."""
         return self.curiosity is not None and self.curiosity.method.uses_policy
 
     @property
@@ -158,45 +159,45 @@ class Learner:
             raise ValueError("this agent has no curiosity method")
         return self.curiosity
 
-    def view(self, batch: Batch, policies: Pair, sample: Pair) -> PolicyView | None:
-        """What the policy that explores does in a batch, if the method asks; from mean, log-std and a sample (P, …)."""
+    def view(self, batch: Batch, policies: TensorPair, sample: TensorPair) -> PolicyView | None:
+        """The exploring policy's `PolicyView`, from mean, log-std and samples (P, …); None if the method reads none."""
         if not self.shows_policy:
             return None
         (mean, log_std), (action, log_prob) = policies, sample
         stored, desired = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
         return view_policy((mean[-1], log_std[-1]), (action[-1], log_prob[-1]), stored, desired)
 
-    def transitions(self, batch: Batch, states: Pair, epoch: int, view: PolicyView | None) -> Transitions:
-        """What the curiosity method sees, from states (B, D) before and after the step; ValueError without one."""
+    def transitions(self, batch: Batch, states: TensorPair, epoch: int, view: PolicyView | None) -> Transitions:
+        """Input of the curiosity method, from states (B, D) before and after the step; ValueError without a method."""
         return self.required_curiosity.transitions(states, batch, epoch, view, self.encoder.normalise)
 
     def policy_term(self, step: Step, actions: Tensor) -> Tensor | None:
-        """What the method adds (B,) to log pi of actions (B, A) in the loss of the policy that explores."""
+        """The method's term (B,), added to log pi of actions (B, A) in the exploring policy's loss."""
         if step.transitions is None:
             return None
         return self.required_curiosity.policy_term(step.transitions, step.batch.desired_goal[0], actions)
 
     def bootstrapped(self, reward: Tensor, next_values: Tensor, next_log_prob: Tensor, log_alpha: Tensor) -> Tensor:
-        """Targets (B,) as `bootstrapped_target` has them, with or without entropy as the config says."""
+        """Targets (B,) by `bootstrapped_target`, with entropy if `config.entropy_in_targets`."""
         alpha = log_alpha.exp() if self.config.entropy_in_targets else None
         return bootstrapped_target(reward, next_values, self.config.gamma, next_log_prob, alpha)
 
-    def descend(self, found: Losses, acts: bool) -> Metrics:
-        """One step down the sum of losses, and their metrics; on a CPU, after a look whether losses are finite.
+    def descend(self, found: Losses, with_policy: bool) -> Metrics:
+        """One optimiser step on the sum of losses; returns their metrics. On a CPU, first checks that they are finite.
 
-        Unless the policy `acts`, its weights are in no loss, have no gradient, and Adam leaves them alone.
+        Without `with_policy` no loss depends on the policy's weights: they have no gradient, and Adam skips them.
         """
         losses = {name: loss for name, (loss, _) in found.items()}
         if self.device.type == "cpu":
             self.check(losses)
-        gradients = torch.autograd.grad(reduce(torch.add, losses.values()), self.trained, allow_unused=not acts)
+        gradients = torch.autograd.grad(reduce(torch.add, losses.values()), self.trained, allow_unused=not with_policy)
         for parameter, gradient in zip(self.trained, gradients, strict=True):
             parameter.grad = gradient
         self.optimiser.step()
         return {name: value for _, metrics in found.values() for name, value in metrics.items()}
 
     def check(self, losses: dict[str, Tensor]) -> None:
-        """Raise NonFiniteError unless all losses are finite. Waits for the device."""
+        """Raise NonFiniteError unless all losses are finite. Synchronises with the device."""
         if not math.isfinite(reduce(torch.add, losses.values()).item()):
             broken = ", ".join(f"{name} ({loss.item()})" for name, loss in losses.items() if not loss.isfinite())
             raise NonFiniteError(f"update {self.updates}: loss not finite: {broken}")

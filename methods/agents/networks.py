@@ -1,9 +1,9 @@
 """Goal-conditioned actor and twin critics over pairs of blocks.
 
-Every network here reads a context, which is the hand and for a critic the action too, and a set of pairs of blocks: by
-Deep Sets, after DECSTR (Akakzia et al. 2021, arXiv 2006.07185), or by attention. Differences from DECSTR: phi ends in
-`hidden` units, not in three times the size of its input; layers may be normalised; pairs may be symmetric; and
-statistics of the inputs are shared by blocks.
+Each network has two inputs: a context (the hand, and for a critic also the action) and a set of pairs of blocks. It
+pools the pairs by Deep Sets, after DECSTR (Akakzia et al. 2021, arXiv 2006.07185), or by attention. Differences from
+DECSTR: phi ends in `hidden` units, not in three times the size of its input; layers may be normalised; pairs may be
+symmetric; and statistics of the inputs are shared by blocks.
 """
 
 import math
@@ -25,7 +25,7 @@ LOG_SQRT_2_PI = 0.5 * math.log(2.0 * math.pi)
 def make_net(
     config: SACConfig, members: int, context_size: int, pair_size: int, out_size: int, generator: torch.Generator
 ) -> DeepSets | PairAttention:
-    """`members` networks of the kind and size that the config names; all kinds are called alike."""
+    """`members` networks of the kind and size in the config; all kinds have the same `forward`."""
     kinds: dict[str, type[DeepSets | PairAttention]] = {"deep_sets": DeepSets, "pair_attention": PairAttention}
     return kinds[config.network](
         members, context_size, pair_size, config.hidden, out_size, config.layer_norm, generator
@@ -33,7 +33,7 @@ def make_net(
 
 
 class Actor(nn.Module):
-    """Tanh-squashed diagonal Gaussian policies pi(a | s, g), P of them that start alike, evaluated together."""
+    """P tanh-squashed diagonal Gaussian policies pi(a | s, g) with the same initial weights, evaluated together."""
 
     def __init__(
         self, encoder: PairEncoder, config: SACConfig, generator: torch.Generator, n_policies: int = 1

@@ -1,7 +1,7 @@
-"""What the networks read of a batch: the hand, and each pair of blocks.
+"""Inputs of the networks: features of the hand and of each pair of blocks.
 
-Achieved bits could be computed from the blocks' positions, but only as a sharp threshold that a network is slow to
-learn. They are observable and DECSTR feeds them too, so they are always fed.
+Achieved bits are always among them, as in DECSTR. They follow from the blocks' positions, but by a sharp threshold,
+which a network learns slowly.
 """
 
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from curiobench.methods.moments import RunningMoments
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Where body, blocks and predicate bits stand in flat observations and goals: plain data, made by the harness.
+    """Columns of body, blocks and predicate bits in flat observations and goals.
 
-    An observation is `[body | block 0 | block 1 | …]`. Bits are found by name through `pairs`, never by position, so
-    that networks and environment cannot disagree on their order.
+    An observation is `[body | block 0 | block 1 | …]`. `pairs` gives the place of each bit, so networks and environment
+    agree on their order.
 
-    Raises ValueError where `pairs` does not name every pair i < j once and every goal bit once, where a block has fewer
-    than six columns, or where a detail is no column.
+    Raises ValueError if `pairs` does not name every pair i < j once and every goal bit once, if a block has fewer than
+    six columns, or if a detail is not a column.
     """
 
     n_blocks: int
@@ -64,7 +64,7 @@ class PairLayout:
         return self.body_size + self.n_blocks * self.block_size
 
     def columns(self, sees: Sees) -> list[int]:
-        """Columns of an observation that a curiosity method is shown; positions (3 each) are absolute."""
+        """Columns of an observation that a curiosity method gets; positions (3 each) are absolute."""
         if sees == "full":
             return list(range(self.observation_size))
         starts = [self.body_size + k * self.block_size for k in range(self.n_blocks)]
@@ -77,12 +77,12 @@ class PairLayout:
 
 
 class PairInputs(NamedTuple):
-    """What the networks read, computed once a batch and shared by all of them."""
+    """Inputs of all networks, computed once per batch."""
 
     state: Tensor
-    """(B, D) normalised observation, which curiosity methods and Q_int see."""
+    """(B, D) normalised observation, the input of curiosity methods and Q_int."""
     context: Tensor
-    """(B, C) what is no pair's: the body and, with near-field features, how many bits of the goal are wrong."""
+    """(B, C) the body and, with near-field features, the number of wrong bits of the goal."""
     pairs: Tensor
     """(P, B, F) features of each pair. Pairs come first, so that a sum over them adds contiguous blocks of memory."""
 
@@ -90,19 +90,19 @@ class PairInputs(NamedTuple):
 class PairEncoder:
     """Normalises observations and goals, and gathers the features of each pair of blocks. Holds no weights.
 
-    Statistics are shared by all blocks, and by all pairs of the same predicate: were each block normalised by its own
-    numbers, renaming blocks would change what the networks see.
+    All blocks share statistics, and so do all bits of the same predicate. With separate statistics, renaming blocks
+    would change the inputs.
 
-    Which ordered pairs (first, second) there are is `SACConfig.pairs`:
+    `SACConfig.pairs` selects the ordered pairs (first, second):
 
-    symmetric   all n(n-1): the sum over them is exactly invariant when blocks are renamed, so that every goal helps to
-                learn those that differ from it by renaming.
+    symmetric   all n(n-1): the sum over them is exactly invariant when blocks are renamed, so learning a goal also
+                improves goals that differ from it by renaming.
     oriented    DECSTR's: the n(n-1)/2 unordered pairs, as (j, i) if the goal wants j on i and as (i, j) otherwise.
-                Where the goal stacks neither on the other, the order of names decides.
-    roles       the same number, but what the goal leaves open is decided by which block lies on the other, then by
-                which is nearer to the hand: half of symmetric's cost, and invariant.
+                If the goal stacks neither on the other, the order of names decides.
+    roles       the same number. If the goal stacks neither, the block that lies on the other comes first, then the
+                block nearer to the hand. Invariant at half the cost of symmetric.
 
-    identities=True adds one-hot block identities (then nothing is shared by renaming).
+    identities=True adds one-hot block identities, and nothing is invariant any more.
     """
 
     def __init__(self, layout: PairLayout, config: SACConfig, device: str | torch.device = "cpu") -> None:
@@ -117,7 +117,7 @@ class PairEncoder:
         if self.mode == "symmetric":
             pairs = torch.cat([pairs, pairs[:, [1, 0, 2, 4, 3]]])
         self._pairs, self._first, self._second, self._bits = pairs, pairs[:, 0], pairs[:, 1], pairs[:, 2:]
-        self._turned_bits = pairs[:, [2, 4, 3]]  # made once: a list as index makes a GPU wait
+        self._turned_bits = pairs[:, [2, 4, 3]]  # made once, because indexing by a list makes a GPU wait
         self._shift = torch.zeros(layout.observation_size + 2 * layout.goal_size, device=device)
         self._scale = torch.ones_like(self._shift)
         self._one_hot = torch.eye(layout.n_blocks, device=device)
@@ -150,21 +150,21 @@ class PairEncoder:
         self._refresh()
 
     def normalise(self, observation: Tensor) -> Tensor:
-        """Observations (..., D), raw float32, as `PairInputs.state` has them."""
+        """Normalise raw observations (..., D), float32, as in `PairInputs.state`."""
         size = self.layout.observation_size
         return ((observation - self._shift[:size]) * self._scale[:size]).clamp_(-self.body.clip, self.body.clip)
 
     def encode(self, observation: Tensor, achieved_goal: Tensor, desired_goal: Tensor) -> PairInputs:
-        """Raw observations (B, D) and goals (B, bits), float32, to normalised `PairInputs`."""
+        """`PairInputs` of raw observations (B, D) and goals (B, bits), float32."""
         return self.encode_rows(torch.cat([observation, achieved_goal, desired_goal], dim=1).unsqueeze(0))[0]
 
     def encode_rows(self, rows: Tensor) -> list[PairInputs]:
-        """Raw rows [observation | achieved | desired], S sets of them (S, B, D + 2 bits), to S `PairInputs`."""
+        """S `PairInputs` of S sets of raw rows [observation | achieved | desired], (S, B, D + 2 bits)."""
         encoded = self.encode_plainly(rows) if rows.is_cuda or self.identities else self._encode_fused(rows)
         return [PairInputs(*set_) for set_ in zip(*encoded, strict=True)]
 
     def _encode_fused(self, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """`encode_plainly` on a CPU; a test holds the two equal."""
+        """`encode_plainly` on a CPU; a test compares the two."""
         layout, mode = self.layout, get_args(PairMode).index(self.mode)
         state = rows.new_empty(*rows.shape[:2], layout.observation_size)
         context = rows.new_empty(*rows.shape[:2], self.context_size)
@@ -178,7 +178,7 @@ class PairEncoder:
             (layout.body_size, layout.block_size, layout.goal_size),
             self._pairs.numpy(),
             mode,
-            # constants as arguments: Numba's cache would not notice that they changed
+            # constants are arguments because Numba's cache does not notice a change of globals
             near_field.ROLE_WEIGHTS,
             self.near_field,
             near_field.SCALES,
@@ -219,7 +219,7 @@ class PairEncoder:
         return body, blocks.unflatten(2, (layout.n_blocks, layout.block_size))
 
     def _turned(self, offsets: Tensor, achieved: Tensor, desired: Tensor) -> Tensor | None:
-        """(S, P, B) whether pair (i, j) is fed as (j, i); None where no pair is ever turned.
+        """(S, P, B) bool, whether pair (i, j) is encoded as (j, i); None if no pair ever is.
 
         From the blocks' positions less the hand's (S, B, n, 3), and goals (S, B, bits).
         """
@@ -270,13 +270,13 @@ class PairEncoder:
         return {name: getattr(self, name).state_dict() for name in ("body", "block", "predicates")}
 
     def load_state_dict(self, state: dict[str, dict[str, Tensor]]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore a `state_dict`."""
         for name in ("body", "block", "predicates"):
             getattr(self, name).load_state_dict(state[name])
         self._refresh()
 
     def _refresh(self) -> None:
-        """Lay the statistics out as one shift and one scale a column of [observation | achieved | desired]."""
+        """Update shift and scale of each column of [observation | achieved | desired] from the statistics."""
         n, layout = self.layout.n_blocks, self.layout
         for source, target in (("mean", self._shift), ("inverse_std", self._scale)):
             of = [getattr(moments, source).float() for moments in (self.body, self.block, self.predicates)]

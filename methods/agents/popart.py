@@ -1,7 +1,7 @@
-"""PopArt: a value network whose targets are normalised while its outputs keep their meaning.
+"""PopArt: normalises the targets of a value network and keeps its denormalised outputs unchanged.
 
 Van Hasselt et al. 2016 (arXiv 1602.07714); Hessel et al. 2018 (arXiv 1809.04474). The network's last layer gives
-n = (Q - mean) / scale, with running statistics of the targets y. A batch of targets moves them,
+n = (Q - mean) / scale, with running statistics of the targets y. A batch of targets updates them,
 
     mean'     = mean + b · (mean of y - mean)
     variance' = (1 - b) · (variance + b · (mean of y - mean)²) + b · (variance of y)
@@ -12,12 +12,12 @@ and the last layer is rescaled, so that Q = mean + scale · n stays what it was 
     weight' = weight · scale / scale'
     bias'   = (scale · bias + mean - mean') / scale'
 
-The network then learns (y - mean') / scale'. Its gradient never sees the scale of y.
+The network then learns (y - mean') / scale', so its gradient does not depend on the scale of y.
 
-The variance is that of van Hasselt et al., (1 - b) · E[y²] + b · (mean of y²) less mean'², written so that a mean far
-above the spread costs no digits. Their correction b of the bias towards the initial statistics makes the first update
-take over the batch's own. Statistics decay, rather than counting all targets alike, because the values of a policy that
-learns move away from where they began. The default rate is that of Hessel et al.
+The variance is that of van Hasselt et al., (1 - b) · E[y²] + b · (mean of y²) less mean'², written in a form
+without cancellation if the mean is much larger than the spread. Their bias correction b makes the statistics after the
+first update those of its batch. Old statistics decay, because values change while the policy learns. The default rate
+is that of Hessel et al.
 """
 
 from collections.abc import Iterable
@@ -27,10 +27,10 @@ from torch import Tensor
 
 
 class PopArt:
-    """Statistics of targets, in float64, and the layers that are rescaled when they move.
+    """Statistics of targets, in float64, and the layers that are rescaled when they change.
 
-    Several layers may share the statistics: a value network and its target network must, for a weighted mean of their
-    weights means something only where both count in the same unit.
+    Several layers can share the statistics. A value network and its target network have to, because a weighted mean of
+    their weights requires the same unit.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class PopArt:
             layers: weight and bias of each output layer, changed in place.
             rate: share of a batch in the statistics, in (0, 1]; they forget over about 1 / rate updates.
             min_scale: lower bound of the scale, in the targets' unit; a constant target must not divide by zero.
-            device: where the statistics live.
+            device: of the statistics.
 
         Raises:
             ValueError: rate or min_scale out of range.
@@ -67,7 +67,7 @@ class PopArt:
 
     @torch.no_grad()
     def update(self, targets: Tensor) -> None:
-        """Move the statistics towards those of targets (...), at least one, and rescale the layers."""
+        """Update the statistics by targets (...), at least one, and rescale the layers."""
         mean, scale = self.mean.clone(), self.scale
         targets = targets.to(torch.float64)
         self.weight += self.rate * (1 - self.weight)
@@ -78,7 +78,7 @@ class PopArt:
         self._rescale(mean, scale)
 
     def _rescale(self, old_mean: Tensor, old_scale: Tensor) -> None:
-        """Make every layer's denormalised output what it was under the old statistics."""
+        """Rescale every layer so that its denormalised output does not change."""
         new_scale = self.scale
         for weight, bias in self.layers:
             weight.mul_(old_scale / new_scale)
@@ -93,10 +93,10 @@ class PopArt:
         return self.mean + self.scale * outputs.to(torch.float64)
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Copies of the statistics, each (), float64. The layers belong to their networks and are not among them."""
+        """Copies of the statistics, each (), float64. Layers are saved with their networks."""
         return {name: getattr(self, name).clone() for name in ("mean", "variance", "weight")}
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        """Restore what `state_dict` gave, without rescaling: the layers are restored with their networks."""
+        """Restore a `state_dict` without rescaling; layers are restored with their networks."""
         for name in ("mean", "variance", "weight"):
             getattr(self, name).copy_(state[name])

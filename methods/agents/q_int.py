@@ -1,15 +1,15 @@
-"""Q_int(s, a): the value of curiosity alone, in the two normalisations that the paper compares (Figure 6A and B).
+"""Q_int(s, a): the value of the intrinsic reward, in the two normalisations that the paper compares (Figure 6A and B).
 
     PopArt  : y = r_int + gamma · Q'_int(s', a'),            a' ~ pi_c;  learned as n_PopArt(y)
-    z-score : y = n_r(r_int) + gamma · Q'^n_r_int(s', a'),   the same a'; learned as it is
+    z-score : y = n_r(r_int) + gamma · Q'^n_r_int(s', a'),   the same a'; learned without PopArt
 
-Neither sees a goal: what is novel does not depend on what is wanted. Both are members of one network on the flat
-normalised state, not a Deep Set over pairs: r_int is no symmetric function of the blocks (one may be well known and
-another not), pairs carry the goal, and a flat network costs a fraction. Keeping both costs little, so that either can
-be read at any time (`HybridAgent.q_int`); which of them explores is the agent's choice.
+Neither depends on a goal, because novelty does not. Both are members of one network on the flat normalised state, not a
+Deep Set over pairs: r_int is not a symmetric function of the blocks (one may be familiar and another not), pairs
+contain the goal, and a flat network is much cheaper. Both are always trained, at little cost, and can be read by
+`HybridAgent.q_int`; the agent chooses which of them is in Q_c.
 
-One critic each, not the lesser of two: a minimum guards against values that are too high everywhere, and PopArt
-subtracts just that.
+There is one critic each, not the minimum of two. A minimum guards against values that are too high everywhere, and
+PopArt subtracts such an offset.
 """
 
 import copy
@@ -36,8 +36,8 @@ class IntrinsicValues:
     def __init__(self, layout: PairLayout, config: SACConfig, popart_rate: float, generator: torch.Generator) -> None:
         """
         Args:
-            layout: where the body ends and the blocks begin in a state; sizes of actions.
-            config: units in each of three hidden layers, whether the first and the third are normalised, discount.
+            layout: columns of body and blocks in a state, and the size of actions.
+            config: number of hidden units, layer norm and discount.
             popart_rate: share of a batch in PopArt's statistics.
             generator: draws the weights, on its device.
         """
@@ -66,8 +66,8 @@ class IntrinsicValues:
     def targets(self, next_state: Tensor, next_action: Tensor, raw: Tensor, normalised: Tensor) -> Tensor:
         """y (2, B), float64, from next states (B, D), pi_c's actions there (B, A), and r_int (B,) raw and z-scored.
 
-        There is no entropy in it: Q_c has that already, from Q_ext and the policy's own loss, and here it would have to
-        be weighed in r_int's arbitrary unit.
+        Targets have no entropy: Q_c already has it from Q_ext and the policy's own loss, and here it would need a
+        weight in r_int's arbitrary unit.
         """
         of_raw, of_normalised = self._outputs(self.target_net, next_state, next_action.unsqueeze(0)).squeeze(1)
         values = torch.stack([self.popart.denormalise(of_raw), of_normalised.double()])
@@ -75,7 +75,7 @@ class IntrinsicValues:
 
     @torch.no_grad()
     def adapt(self, targets: Tensor) -> Tensor:
-        """Move PopArt to finite targets (2, B), rescale, and give the targets in the unit of the outputs, float32."""
+        """Update PopArt by finite targets (2, B); returns the targets in the unit of the rescaled outputs, float32."""
         self.popart.update(targets[0])
         return torch.stack([self.popart.normalise(targets[0]), targets[1]]).float()
 
@@ -94,6 +94,6 @@ class IntrinsicValues:
         return {name: getattr(self, name).state_dict() for name in self._STATEFUL}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what `state_dict` gave. Raises KeyError or RuntimeError where sizes differ."""
+        """Restore a `state_dict`. Raises KeyError or RuntimeError if sizes differ."""
         for name in self._STATEFUL:
             getattr(self, name).load_state_dict(state[name])

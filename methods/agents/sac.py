@@ -6,10 +6,10 @@
     policy     : mean of alpha · log pi(a | s, g) - min_k Q_k(s, a, g),              a ~ pi
     temperature: mean of -log alpha · (log pi(a | s, g) + target entropy)            (only if tuned)
     r          = r_ext + tau · n(r_int)                                              (r_ext alone without a method)
-                 (tau times the method's factor, which is 1 but for RE3)
+                 (tau times the method's factor, which is 1 except for RE3)
 
-Every transition bootstraps: episodes end by time limit only. Targets are not clipped: with r_ext in {0, 1} the reward's
-part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower bound and r_int may be negative.
+Every transition bootstraps, because episodes end by time limit only. Targets are not clipped. With r_ext in {0, 1} the
+reward's part of Q lies in [0, 1 / (1 - gamma)], but the entropy's part has no lower bound and r_int may be negative.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ from curiobench.methods.reward import IntrinsicReward
 
 
 class SAC(LearningAgent):
-    """One policy on r, whose actions are evaluated and collected alike."""
+    """Soft actor-critic on r. One policy collects episodes and is evaluated."""
 
     def __init__(
         self, layout: PairLayout, config: SACConfig, generator: torch.Generator, method: IntrinsicReward | None = None
@@ -35,7 +35,7 @@ class SAC(LearningAgent):
             layout: where blocks and predicate bits stand in observations and goals.
             config: settings.
             generator: source of initial weights, exploration and noise in the losses; its device is the agent's.
-            method: the curiosity method, or None for the extrinsic reward alone.
+            method: the curiosity method; None uses the extrinsic reward alone.
         """
         self.learner = Learner(layout, config, generator, method)
         self.learner.prepare(self.losses)
@@ -52,10 +52,10 @@ class SAC(LearningAgent):
         return mean.tanh().cpu().numpy()
 
     def losses(self, step: Step) -> Losses:
-        """Of the critics and, where it learns, of the policy and its temperature. r_int joins the batch's reward.
+        """Losses of critics and, if it is updated, of the policy and temperature. Adds r_int to the batch's reward.
 
-        Metrics: critic_loss, q (of stored actions), target_q, policy_loss, entropy (of the policy, squashed),
-        temperature; temperature_loss if it is tuned.
+        Metrics: critic_loss, q (of stored actions), target_q, policy_loss, entropy (of the squashed policy),
+        temperature, and temperature_loss if it is tuned.
         """
         learner = self.learner
         if step.intrinsic is not None:

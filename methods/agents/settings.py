@@ -7,42 +7,41 @@ from typing import Literal
 from curiobench.methods.checks import check_option, check_positive
 
 PairMode = Literal["symmetric", "oriented", "roles"]
-"""Ordered pairs of blocks: all of them, or one a pair, turned by the goal alone or by goal and state."""
+"""Ordered pairs of blocks: both orders of each pair, or one, chosen by the goal alone or by goal and state."""
 
 Network = Literal["deep_sets", "pair_attention"]
-"""How a network reads its pairs: summed (`deep_sets.py`), or weighed by attention (`pair_attention.py`)."""
+"""Pooling of pairs in a network: sum (`deepsets.py`) or attention (`pair_attention.py`)."""
 
 Features = Literal["state", "near_field"]
-"""What actor and critics see of a pair: the paper's state alone, or with it short distances and differences of bits."""
+"""Inputs of actor and critics: the paper's state alone, or also short distances and differences of bits."""
 
 QIntNormalisation = Literal["popart", "zscore"]
-"""Whose outputs are normalised: those of Q_int (PopArt), or the reward that it learns from."""
+"""What is normalised: the outputs of Q_int (PopArt), or the reward that it learns from."""
 
 
 @dataclass(frozen=True)
 class SACConfig:
-    """Settings of the agent. Defaults are those of DECSTR where it has them."""
+    """Settings of the agent. Where DECSTR has the same setting, the default is its value."""
 
     gamma: float = 0.98
-    """Discount factor a step, in [0, 1)."""
+    """Discount factor per step, in [0, 1)."""
     learning_rate: float = 1e-3
     """Adam's learning rate, for actor, critics and temperature; the initial one if decay_updates is set."""
     decay_updates: int | None = None
-    """Updates over which the learning rate falls linearly to a tenth, where it stays; None keeps it constant."""
+    """Updates over which the learning rate decays linearly to a tenth; constant afterwards, and if None."""
     polyak: float = 0.05
-    """Share of the critics' weights that moves into the target critics at each target update."""
+    """Weight of the critics in a target update (Polyak averaging)."""
     target_every: int = 2
-    """Updates from one target update to the next."""
+    """Updates between target updates."""
     temperature: float = 0.2
     """Weight of the policy's entropy; the initial one if tune_temperature is set."""
     tune_temperature: bool = False
     """Adjust the temperature until the policy's entropy is -dim(action) (Haarnoja et al. 2018, section 5)."""
     entropy_in_targets: bool = True
-    """Count the entropy of the policy to come as a part of the value, as soft actor-critic does. It costs a policy
-    entropy to be precise: where the goal is far, that outweighs the discounted reward, and the agent stays where it
-    is."""
+    """Include the entropy of later actions in the value, as soft actor-critic does. Precise actions reduce entropy. If
+    the goal is far, this outweighs the discounted reward, and the agent does not move towards it."""
     actor_every: int = 1
-    """Updates from one step of policy and temperature to the next; critics learn at each (Fujimoto et al. 2018)."""
+    """Critic updates per update of policy and temperature (Fujimoto et al. 2018)."""
     network: Network = "deep_sets"
     """Sum over pairs of blocks as in DECSTR (deep_sets), or attention over them (pair_attention)."""
     hidden: int = 256
@@ -50,21 +49,21 @@ class SACConfig:
     layer_norm: bool = True
     """Normalise hidden layers (Ba et al. 2016)."""
     pairs: PairMode = "symmetric"
-    """Ordered pairs of blocks: all of them (symmetric), or one a pair, turned by the goal as in DECSTR (oriented), or
-    turned by goal, state and distance from the hand (roles)."""
+    """Ordered pairs of blocks: both orders of each pair (symmetric), or one, chosen by the goal as in DECSTR (oriented)
+    or by goal, state and distance from the hand (roles)."""
     features: Features = "state"
-    """What actor and critics see: the paper's state (state), or also short distances between hand and blocks, and which
-    predicates are missing or unwanted (near_field). Curiosity methods see the state in any case."""
+    """Inputs of actor and critics: the paper's state (state), or also short distances between hand and blocks, and
+    which predicates are missing or unwanted (near_field). Curiosity methods always get the state."""
     detail_scale: float = 1.0
-    """Factor, in (0, 1], on normalised angles, velocities and absolute positions in the table's plane before actor and
-    critics see them; they matter least to this task."""
+    """Factor, in (0, 1], of normalised angles, velocities and absolute x and y in the inputs of actor and critics,
+    which matter least to these tasks."""
     identities: bool = False
-    """Tell the networks which block is which; without, goals that differ by renaming share what is learned."""
+    """Add one-hot identities of blocks to the inputs. Without them, goals that differ by renaming share learning."""
     tau: float = 0.2
-    """Weight of curiosity: of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
+    """Weight of the z-scored intrinsic reward or, with +hm, of the normalised Q_int."""
     reward_window: int | None = None
-    """Updates over which the statistics that z-score the intrinsic reward forget; None for all history, over which the
-    z-score of a reward that shrinks comes to nothing."""
+    """Updates over which old statistics of the intrinsic reward decay; None for all history, with which a reward that
+    shrinks vanishes after z-scoring."""
 
     def __post_init__(self) -> None:
         for name, legal, range_ in (
@@ -83,19 +82,19 @@ class SACConfig:
 
 @dataclass(frozen=True)
 class HybridConfig:
-    """Settings of the hybrid policy mechanism; without `+hm` in the method they do nothing."""
+    """Settings of the hybrid policy mechanism, only used with `+hm`."""
 
     q_int_normalisation: QIntNormalisation = "popart"
-    """What explores: Q_int under PopArt, or Q_int of the z-scored reward, which the paper compares in Figure 6."""
+    """Normalisation of Q_int in Q_c: PopArt, or Q_int of the z-scored reward; the paper compares them in Figure 6."""
     popart_rate: float = 3e-4
-    """Share of a batch in PopArt's statistics, in (0, 1]; that of Hessel et al. 2018."""
+    """Share of a batch in PopArt's statistics, in (0, 1]; default of Hessel et al. 2018."""
     adaptive_tau: bool = False
-    """Steer tau so that the spread of tau · Q_int over actions is `spread_ratio` times that of Q_ext; sac.tau is where
-    it starts."""
+    """Adapt tau so that the spread of tau · Q_int over actions is `spread_ratio` times that of Q_ext; sac.tau is its
+    first value."""
     spread_ratio: float = 0.5
-    """The ratio that adaptive_tau steers for."""
+    """Target ratio of adaptive_tau."""
     tau_rate: float = 0.05
-    """Share of the way there, on a logarithmic scale, that tau goes after each collection, in (0, 1]."""
+    """Step of adaptive_tau after each collection, as a share of the distance on a logarithmic scale, in (0, 1]."""
 
     def __post_init__(self) -> None:
         check_option(self, "q_int_normalisation", QIntNormalisation)

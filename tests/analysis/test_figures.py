@@ -8,7 +8,7 @@ from matplotlib.text import Text
 
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
 from curiobench.analysis.figures import (
-    KINDS,
+    FIGURES,
     MOST_POINTS,
     THRESHOLDS,
     draw_bonus,
@@ -179,7 +179,7 @@ def test_every_method_from_outside_has_a_colour_of_its_own_that_stays(samples):
 
 def test_logged_columns_are_drawn_of_methods_that_have_them(samples):
     task = samples(methods=("sac", "icm", "mihm"))
-    shown = {name: [s.method for s in task.samples if KINDS[name].shows(s)] for name in ("exploitation", "bonus")}
+    shown = {name: [s.method for s in task.samples if FIGURES[name].shows(s)] for name in ("exploitation", "bonus")}
     assert shown == {"exploitation": ["mihm"], "bonus": ["icm", "mihm"]}
     _, icm, mihm = task.samples
     with theme():

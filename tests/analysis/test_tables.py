@@ -10,10 +10,10 @@ from synthetic import write_grid
 
 from curiobench.analysis.formats import comma_separated, latex, markdown, terminal
 from curiobench.analysis.frames import read_results
-from curiobench.analysis.options import cautions
 from curiobench.analysis.paper import LEARNED, PAPER_GOALS, flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.tables import Column, Estimate, Table, flat_table, method_tables, run_table, summarise
+from curiobench.analysis.variants import cautions
 
 
 def known(task, method, seed, epoch, goal):

@@ -6,17 +6,17 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from curiobench.cli.arguments import GridArguments, parse
+from curiobench.cli.arguments import GridArguments, parse_arguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.launcher import LocalLauncher
-from curiobench.grid.overview import PlainView, View
+from curiobench.grid.overview import GridView, PlainGridView
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.slurm_launcher import SlurmLauncher
 from curiobench.grid.status import Status
-from curiobench.run_folder import FORMAT
+from curiobench.run_folder import RUN_FORMAT
 
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
 SLURM = ("time=9", "partition=cpu")
@@ -27,20 +27,20 @@ def make_cells(out: Path, *flags: str) -> list[Cell]:
     """Cells of a grid by its flags; by default two methods and two seeds."""
     flags = flags or ("--methods", "sac,icm", "--seeds", "2")
     arguments = ["--out", str(out), "--tasks", "stack2", "--preset", "smoke", *flags]
-    return cells_of(define(parse(GridArguments, "grid", arguments)), out)
+    return cells_of(define(parse_arguments(GridArguments, "grid", arguments)), out)
 
 
 def set_up_fakes(cells: list[Cell], pace: float = 0.02, **behaviour: dict) -> None:
     """Write what the fakes do: seconds an epoch, and `behaviour` by folder, with _ for -."""
     planned = {}
     for cell in cells:
-        record = {"format": FORMAT, "config_version": 1, "config": cell.config.to_json(), "versions": {}}
+        record = {"format": RUN_FORMAT, "config_version": 1, "config": cell.config.to_json(), "versions": {}}
         planned[cell.folder] = {"record": record, "pace": pace, **behaviour.get(cell.folder.replace("-", "_"), {})}
     cells[0].out.parent.mkdir(parents=True, exist_ok=True)
     (cells[0].out.parent / "fake.json").write_text(json.dumps(planned))
 
 
-class Watching(PlainView):
+class Watching(PlainGridView):
     """Passes the states of the cells to a function whenever they are shown."""
 
     def __init__(self, watch: Callable[[list[Status]], None]) -> None:
@@ -51,11 +51,11 @@ class Watching(PlainView):
         self.watch(statuses)
 
 
-def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: View | None = None) -> Scheduler:
+def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: GridView | None = None) -> Scheduler:
     """Run cells to their end in this process."""
     cells[0].out.mkdir(parents=True, exist_ok=True)
     launcher = LocalLauncher(jobs, FAKE)
-    scheduler = Scheduler(cells, launcher, retries, view or PlainView(), StopRequest(), 0.02, 0.1)
+    scheduler = Scheduler(cells, launcher, retries, view or PlainGridView(), StopRequest(), 0.02, 0.1)
     scheduler.run()
     return scheduler
 
@@ -90,7 +90,7 @@ def main() -> None:
     try:
         slurm = sys.argv[2] == "slurm"
         launcher = SlurmLauncher(None, SLURM, out, FAKE) if slurm else LocalLauncher(int(sys.argv[2]), FAKE)
-        train_cells(cells, launcher, 1, PlainView())
+        train_cells(cells, launcher, 1, PlainGridView())
     except RunFailed as error:
         print(error)
         sys.exit(1)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fake_grid import make_cells
 
-from curiobench.cli.arguments import GridArguments, parse
+from curiobench.cli.arguments import GridArguments, parse_arguments
 from curiobench.cli.train_arguments import parse_train
 from curiobench.grid.cells import GRID_FILE, cells_of, folder_name, write_record
 from curiobench.grid.definition import Grid, define, read_definition
@@ -18,7 +18,7 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "ablation.yaml"
 
 
 def grid_of(*flags) -> Grid:
-    return define(parse(GridArguments, "grid", ["--out", "none", *map(str, flags)]))
+    return define(parse_arguments(GridArguments, "grid", ["--out", "none", *map(str, flags)]))
 
 
 @pytest.fixture

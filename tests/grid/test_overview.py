@@ -10,7 +10,7 @@ from rich.console import Console
 
 from curiobench.display import duration
 from curiobench.grid.disk import Progress, ProgressReader, State
-from curiobench.grid.overview import LiveView, PlainView, overview, summary
+from curiobench.grid.overview import LiveGridView, PlainGridView, overview, status_line
 from curiobench.grid.status import Status, grid_seconds_left, paces, seconds_left
 
 
@@ -79,19 +79,19 @@ def test_durations(seconds, text):
 
 def test_a_log_gets_a_line_every_few_minutes(statuses, capsys, monkeypatch):
     now = time.monotonic()
-    view = PlainView()
+    view = PlainGridView()
     view.show(statuses, 3)
     assert capsys.readouterr().out == ""
     monkeypatch.setattr("curiobench.grid.overview.time.monotonic", lambda: now + 301)
     view.show(statuses, 3)
     view.show(statuses, 3)
-    assert capsys.readouterr().out[9:] == summary(statuses, 3) + "\n"
+    assert capsys.readouterr().out[9:] == status_line(statuses, 3) + "\n"
 
 
 def test_events_stand_above_the_live_rows(statuses, capsys, monkeypatch):
     for name, value in {"FORCE_COLOR": "1", "COLUMNS": "80", "LINES": "24"}.items():
         monkeypatch.setenv(name, value)
-    view = LiveView()
+    view = LiveGridView()
     view.show(statuses, 3)
     view.event("stack2-sac-0: exit code 1; to be tried again\n    [/red] no markup")
     view.close()

@@ -11,7 +11,7 @@ from fake_grid import FAKE, Watching, make_cells, rows, set_up_fakes, undisturbe
 
 from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
-from curiobench.grid.overview import PlainView
+from curiobench.grid.overview import PlainGridView
 from curiobench.grid.ray_launcher import RayLauncher
 from curiobench.grid.scheduler import Scheduler
 from curiobench.run_folder import is_locked
@@ -50,7 +50,7 @@ def test_a_cluster_that_the_grid_starts_stops_and_continues(tmp_path, capsys):
     assert sorted(states) == [State.STOPPED] * 2 + [State.WAITING] * 2
     assert not any(is_locked(cell.path) for cell in cells)
     set_up_fakes(cells, stack2_icm_1={"failures": 1})
-    assert run_on(RayLauncher(2, None, FAKE), cells, PlainView()) == [State.FINISHED] * 4
+    assert run_on(RayLauncher(2, None, FAKE), cells, PlainGridView()) == [State.FINISHED] * 4
     assert rows(cells[0].out) == undisturbed(cells)
     out = capsys.readouterr().out
     assert "stack2-icm-1: exit code 1; to be tried again\n    Traceback:" in out

@@ -11,11 +11,11 @@ from fake_grid import FAKE, Watching, make_cells, rows, schedule, set_up_fakes, 
 from curiobench.config import CONFIG_VERSION
 from curiobench.errors import StopRequest
 from curiobench.files import write_json
-from curiobench.grid.disk import State, look
+from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import LocalLauncher, tail
-from curiobench.grid.overview import PlainView
+from curiobench.grid.overview import PlainGridView
 from curiobench.grid.scheduler import _TAKEN, Scheduler
-from curiobench.run_folder import FORMAT, REPLAY, _lock
+from curiobench.run_folder import REPLAY, RUN_FORMAT, _lock
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_a_cell_that_stays_broken_stops_no_other(cells, capsys, retries):
 def test_a_folder_with_another_config_is_left_alone(cells, capsys):
     other = cells[0].config.to_json() | {"epochs": 9}
     cells[0].path.mkdir(parents=True)
-    write_json(cells[0].path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": other})
+    write_json(cells[0].path / "config.json", {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": other})
     before = (cells[0].path / "config.json").read_bytes()
     scheduler = schedule(cells)
     assert scheduler.statuses[0].state is State.CONFLICT
@@ -95,14 +95,14 @@ def test_a_shorter_run_is_extended_where_its_replay_is_kept(cells):
     cell = cells[0]
     shorter = cell.config.to_json() | {"epochs": 3}
     cell.path.mkdir(parents=True)
-    write_json(cell.path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": shorter})
-    assert look(cell) == (State.WAITING, "")
+    write_json(cell.path / "config.json", {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": shorter})
+    assert cell_state(cell) == (State.WAITING, "")
     write_json(cell.path / "result.json", {"epochs": 3})
-    assert look(cell) == (State.CONFLICT, f"{cell.path} has 3 epochs and no replay kept to be made longer from")
+    assert cell_state(cell) == (State.CONFLICT, f"{cell.path} has 3 epochs and no replay, so it cannot be lengthened")
     (cell.path / REPLAY).mkdir(parents=True)
-    assert look(cell) == (State.WAITING, "")
+    assert cell_state(cell) == (State.WAITING, "")
     with _lock(cell.path / ".lock"):
-        assert look(cell) == (State.ELSEWHERE, "")
+        assert cell_state(cell) == (State.ELSEWHERE, "")
 
 
 @pytest.mark.parametrize(
@@ -111,8 +111,10 @@ def test_a_shorter_run_is_extended_where_its_replay_is_kept(cells):
 def test_a_folder_with_another_method_is_a_conflict(cells, method, message):
     config = cells[1].config.to_json() | {"method": method}
     cells[0].path.mkdir(parents=True)
-    write_json(cells[0].path / "config.json", {"format": FORMAT, "config_version": CONFIG_VERSION, "config": config})
-    state, reason = look(cells[0])
+    write_json(
+        cells[0].path / "config.json", {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": config}
+    )
+    state, reason = cell_state(cells[0])
     assert state is State.CONFLICT
     assert message in reason
 
@@ -120,7 +122,7 @@ def test_a_folder_with_another_method_is_a_conflict(cells, method, message):
 def test_a_damaged_config_is_a_conflict(cells):
     cells[0].path.mkdir(parents=True)
     (cells[0].path / "config.json").write_text("{")
-    assert look(cells[0])[0] is State.CONFLICT
+    assert cell_state(cells[0])[0] is State.CONFLICT
 
 
 def test_a_waiting_cell_that_another_grid_takes_is_resumed_when_it_is_free(cells):
@@ -157,7 +159,7 @@ def test_a_start_race_is_no_failure(cells, capsys):
                 held[0].close()
             return super().start(arguments, log)
 
-    scheduler = Scheduler(cells, Racing(1, FAKE), 0, PlainView(), StopRequest(), 0.02, 0.1)
+    scheduler = Scheduler(cells, Racing(1, FAKE), 0, PlainGridView(), StopRequest(), 0.02, 0.1)
     scheduler.run()
     assert set(states(scheduler).values()) == {State.FINISHED}
     assert "stack2-sac-0: runs elsewhere" in capsys.readouterr().out

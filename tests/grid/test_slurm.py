@@ -10,10 +10,10 @@ import time
 import pytest
 from fake_grid import FAKE, SLURM, make_cells, rows, set_up_fakes, start, undisturbed
 
-from curiobench.cli.arguments import GridArguments, parse
+from curiobench.cli.arguments import GridArguments, parse_arguments
 from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
-from curiobench.grid.overview import PlainView
+from curiobench.grid.overview import PlainGridView
 from curiobench.grid.run import run_grid
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.slurm_launcher import SlurmLauncher
@@ -41,7 +41,7 @@ def paced(tmp_path, pace=0.1, **behaviour):
 
 def finish(cells, view=None, stop=None, cluster="Slurm"):
     launcher = SlurmLauncher(None, SLURM, cells[0].out, FAKE, cluster)
-    scheduler = Scheduler(cells, launcher, 1, view or PlainView(), stop or StopRequest(), 0.1, 0.5)
+    scheduler = Scheduler(cells, launcher, 1, view or PlainGridView(), stop or StopRequest(), 0.1, 0.5)
     scheduler.run()
     return [status.state for status in scheduler.statuses]
 
@@ -86,7 +86,7 @@ def test_after_a_kill_the_grid_waits_for_its_jobs_instead_of_submitting_others(c
 def test_a_stop_checkpoints_the_job_that_runs_and_empties_the_queue(cluster, tmp_path):
     cells, stop = paced(tmp_path), StopRequest()
 
-    class Stopping(PlainView):
+    class Stopping(PlainGridView):
         def show(self, statuses, slots):
             if statuses[0].progress.epoch >= 3 and not stop.count:
                 stop._note(signal.SIGTERM, None)
@@ -103,7 +103,7 @@ def test_a_stop_checkpoints_the_job_that_runs_and_empties_the_queue(cluster, tmp
 def test_a_job_whose_time_is_up_goes_on_in_another(cluster, tmp_path, capsys):
     cells = paced(tmp_path)[:1]
 
-    class TimeUp(PlainView):
+    class TimeUp(PlainGridView):
         def show(self, statuses, slots):
             if statuses[0].progress.epoch >= 3 and not (cluster / "told").exists():
                 (cluster / "told").touch()
@@ -136,7 +136,7 @@ def test_wrong_options_begin_nothing(flags, message, tmp_path, monkeypatch):
     for flag in flags:
         arguments += ["--slurm", flag]
     with pytest.raises(ValueError, match=re.escape(message)) as refused:
-        run_grid(parse(GridArguments, "grid", arguments))
+        run_grid(parse_arguments(GridArguments, "grid", arguments))
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "grid").exists()
 

@@ -19,7 +19,7 @@ from curiobench.methods.icm import ICMConfig
 from curiobench.methods.reward import Batch
 from curiobench.methods.specs import available_specs
 from curiobench.probe import report
-from curiobench.probe.episodes import KINDS, play_scripts, reference_transitions, transitions
+from curiobench.probe.episodes import SCRIPTED_EPISODES, play_scripts, reference_transitions, transitions
 from curiobench.probe.report import probe
 from curiobench.probe.scores import open_runs, others, own_transitions, read, score
 from curiobench.probe.steps import Track, falling, lifting, push_moments, stack_moments
@@ -108,7 +108,7 @@ def test_scripts_show_every_key_moment_and_only_what_they_are_for(robot):
 
 
 def test_goals_of_the_scripts():
-    assert [goal_space(3).names[goal_space(3).index(kind.goal(goal_space(3)))] for kind in KINDS] == [
+    assert [goal_space(3).names[goal_space(3).index(kind.goal(goal_space(3)))] for kind in SCRIPTED_EPISODES] == [
         "a on b, c apart",
         "all apart",
     ]
@@ -244,7 +244,7 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
             assert shows(file, style.COLOURS["rnd"]) == file.name.startswith("rewards"), file
     with open(tmp_path / "one" / "numbers.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * len(KINDS) * STARTS * 50
+    assert len(rows) == 2 * len(SCRIPTED_EPISODES) * STARTS * 50
     assert {row["moment"] for row in rows} >= {"block lifts", "block falls"}
     assert all(bool(row["q_int_popart"]) == (row["method"] == "mihm") for row in rows)
 

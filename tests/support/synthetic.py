@@ -11,7 +11,7 @@ import numpy as np
 from curiobench.config import CONFIG_VERSION
 from curiobench.methods.specs import canonical
 from curiobench.presets import PRESETS
-from curiobench.run_folder import FORMAT
+from curiobench.run_folder import RUN_FORMAT
 from curiobench.tasks.registration import task_spec
 
 Success = Callable[[str, str, int, int, int], float]
@@ -108,7 +108,7 @@ def _write_config(path: Path, task: str, method: str, seed: int, epochs: int, op
         within[last] = value
     packages = ("curiobench", "mujoco", "dm_control", "torch", "numpy", "python")
     record = {
-        "format": FORMAT,
+        "format": RUN_FORMAT,
         "config_version": CONFIG_VERSION,
         "config": config,
         "versions": dict.fromkeys(packages, "1.0") | {"git_commit": "c0ffee"},

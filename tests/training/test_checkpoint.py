@@ -15,7 +15,7 @@ from curiobench import checkpoint
 from curiobench.checkpoint import CheckpointError
 from curiobench.files import read_json, write_json
 from curiobench.saved_agent import load_agent
-from curiobench.training import Run, train
+from curiobench.training import TrainingRun, train
 
 AGENT = {"weights": {"w": torch.arange(3.0)}, "updates": 7}
 VALUES = {"replay": "replay-8.json", "epoch": 2}
@@ -128,7 +128,7 @@ def test_damage_is_named_in_one_line_and_no_code_runs(folder, damage, message):
 @pytest.fixture
 def stopped(tmp_path, monkeypatch):
     """Folder of a run of TINY that was killed after its second epoch, at its second checkpoint."""
-    save, saves = Run._save, 0
+    save, saves = TrainingRun._save, 0
 
     def save_and_leave(self):
         nonlocal saves
@@ -138,7 +138,7 @@ def stopped(tmp_path, monkeypatch):
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "_save", save_and_leave)
+        patch.setattr(TrainingRun, "_save", save_and_leave)
         with pytest.raises(KeyboardInterrupt):
             train(TINY, tmp_path / "stopped")
     return tmp_path / "stopped"

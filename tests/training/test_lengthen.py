@@ -1,4 +1,4 @@
-"""A run made longer has the rows of one that was as long from the start, whenever it was stopped."""
+"""A lengthened run has the rows of one that was as long from the start, whenever it was stopped."""
 
 import shutil
 from dataclasses import replace
@@ -90,7 +90,7 @@ def test_a_run_that_cannot_be_extended_is_left_unchanged(finished, short, tmp_pa
     with pytest.raises(ValueError, match=gone):
         RunFolder(odd, replace(TINY, epochs=9), resume=True)
     (odd / "checkpoint" / "replay").mkdir()
-    with pytest.raises(ValueError, match="tested after epoch 3, where a longer run with evaluate_every 2 is not"):
+    with pytest.raises(ValueError, match="evaluated after epoch 3, where a longer run with evaluate_every 2 is not"):
         RunFolder(odd, replace(TINY, epochs=9), resume=True)
     assert read_config(odd) == TINY
     for config, message in (

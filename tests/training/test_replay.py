@@ -14,7 +14,7 @@ from curiobench.methods.mi import MI
 from curiobench.methods.re3 import RE3
 from curiobench.methods.reward import Batch, Transitions
 from curiobench.queues import Queues
-from curiobench.relabelling import KINDS, draw_arrivals
+from curiobench.relabelling import N_ARRIVAL_KINDS, draw_arrivals
 from curiobench.replay import EpisodeReplay, Episodes, ReplayConfig
 
 STEPS, SIZE, ACTIONS = 4, 3, 2
@@ -192,7 +192,7 @@ def test_arrivals_are_drawn_as_defined(episodes):
     for _ in range(episodes):
         replay.add(random_episodes(rng, 1))
     by_hand = arrivals_by_hand(replay)
-    counts = {divmod(group, KINDS): count for group, count in enumerate(replay.arrivals.counts) if count}
+    counts = {divmod(group, N_ARRIVAL_KINDS): count for group, count in enumerate(replay.arrivals.counts) if count}
     assert counts == {pair: len(places) for pair, places in by_hand.items()}
     expected: dict[tuple[int, int, int], float] = {}
     for (goal, _), places in by_hand.items():

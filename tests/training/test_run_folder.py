@@ -16,11 +16,11 @@ from tiny_runs import TINY
 from curiobench.config import CONFIG_VERSION
 from curiobench.files import read_json, replace_file
 from curiobench.run_folder import RunFolder, read_config, read_record, read_rows
-from curiobench.versions import ENVIRONMENT
+from curiobench.versions import ENVIRONMENT_VARIABLES
 
 
 def test_keeps_config_command_and_what_else_decides_numbers(tmp_path, monkeypatch):
-    for name in ENVIRONMENT:
+    for name in ENVIRONMENT_VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("NUMBA_OPT", "2")
     monkeypatch.setenv("ATEN_CPU_CAPABILITY", "default")

@@ -17,7 +17,7 @@ from curiobench.files import read_json, write_json
 from curiobench.run_folder import RunFolder, read_rows
 from curiobench.saved_agent import load_agent
 from curiobench.state import TrainingState
-from curiobench.training import Run, train
+from curiobench.training import TrainingRun, train
 
 
 class Killed(BaseException):
@@ -161,7 +161,7 @@ def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, monkeypatch):
 
 
 def test_a_full_disk_fails_the_run_which_resumes_when_there_is_space(finished, tmp_path, monkeypatch):
-    save, saves = Run._save, 0
+    save, saves = TrainingRun._save, 0
 
     def save_on_full_disk(self):
         nonlocal saves
@@ -170,7 +170,7 @@ def test_a_full_disk_fails_the_run_which_resumes_when_there_is_space(finished, t
             raise OSError(28, "No space left on device")
         save(self)
 
-    monkeypatch.setattr(Run, "_save", save_on_full_disk)
+    monkeypatch.setattr(TrainingRun, "_save", save_on_full_disk)
     with pytest.raises(RunFailed, match="No space left on device; the last checkpoint is kept"):
         train(TINY, tmp_path / "run")
     train(TINY, tmp_path / "run", resume=True)

@@ -23,10 +23,10 @@ _SETTINGS = "method_config."  # before the names of a method's own settings
 
 
 def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The options in which a run differs from others of its task and method, as "sac.tau=0.1, sac.gamma=0.9".
+    """Options in which a run differs from others of its task and method, as "sac.tau=0.1, sac.gamma=0.9".
 
-    They are nested as in config.json, the machine's left out. Where such runs are of several presets, the preset is
-    named, and further options only where they differ within it.
+    `options` are nested as in config.json, without the machine's. If such runs have several presets, the preset is
+    named, and other options only if they differ within it.
     """
     flat = [flatten(run) for run in options]
     found = [""] * len(flat)
@@ -41,7 +41,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def cautions(runs: "pd.DataFrame") -> list[str]:
-    """One line on each difference between runs that makes a comparison unfair, from the frame `runs`."""
+    """A line on each difference between runs that makes a comparison unfair, from the frame `runs`."""
     lines = []
     for task, group in runs.groupby("task", sort=True):
         lines += _unlike_options(task, [flatten(decisive(config)) for config in configs(group)], list(group["variant"]))
@@ -57,9 +57,9 @@ def cautions(runs: "pd.DataFrame") -> list[str]:
 
 
 def _unlike_options(task: str, flat: Sequence[Mapping[str, Any]], named: Sequence[str]) -> list[str]:
-    """Lines on options that all runs of a task have and differ in, such as the number of epochs.
+    """Lines on options that all runs of a task have and in which they differ, such as the number of epochs.
 
-    Left out are methods' own settings, which may share a name but no meaning, and what the variants `named` say. Where
+    Methods' own settings, which may share a name but no meaning, and options in the variants `named` are left out. If
     variants name the preset, runs are compared within each preset.
     """
     lines = []
