@@ -93,8 +93,8 @@ class VideoArguments:
     """The goal: a name such as "a on b, c apart", or bits such as 100100000. `curiobench evaluate RUN --goals` lists
     them."""
     out: Path | None = None
-    """File to write, .mp4 or .gif; by default an mp4 named after the goal, in the run folder or, of a published agent,
-    in the current one."""
+    """File to write, .mp4, .gif or .webp; by default an mp4 named after the goal, in the run folder or, of a published
+    agent, in the current one."""
     episodes: int = 3
     """Episodes to show, one after the other."""
     seed: int = 0
