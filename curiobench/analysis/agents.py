@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from curiobench.analysis.folders import AGENT_FILES, AGENTS, CONFIGS, WEIGHTS, agent_name, agents_of, check_sums
+from curiobench.analysis.folders import AGENT_FILES, AGENTS, WEIGHTS, agent_name, agents_of, check_sums, is_published
 from curiobench.analysis.frames import Results
 from curiobench.analysis.samples import DECIMALS
 from curiobench.files import reading, utf8
@@ -74,7 +74,7 @@ def _best_agent(
 
 def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> tuple[bytes, bytes]:
     """Contents of the agent's two files; raises ValueError, which says why, where there is none."""
-    if config_file.parent.name == CONFIGS:
+    if is_published(config_file.parents[1]):
         return _in_set(run, config_file)
     folder = config_file.parent
     if not (folder / "checkpoint").is_dir():
