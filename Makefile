@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 
 CHROMIUM ?= chromium
 
-.PHONY: setup quickstart check test test-slow benchmark fidelity presets goal-pictures report-picture docs types lint format clean
+.PHONY: setup quickstart check test test-slow benchmark fidelity presets goal-pictures report-picture agents notebook docs types lint format clean
 
 setup: $(INSTALLED)
 
@@ -47,6 +47,16 @@ report-picture: $(INSTALLED)   ## photographs the top of the report on results/v
 	$(CHROMIUM) --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
 		--user-data-dir=$$(mktemp -d) --window-size=1280,1500 --screenshot=docs/images/report.png \
 		file://$(CURDIR)/results/v1/report.html
+
+agents: $(INSTALLED)   ## films the agents of a published set, SET=results/v2, for the page docs/agents.md
+	$(RUN) docs/make_agents.py $(SET)
+
+notebook: $(INSTALLED)   ## executes docs/notebook.ipynb in a clean folder and keeps its outputs; test-slow executes it, too
+	rm -rf build/notebook
+	mkdir -p build/notebook
+	cp docs/notebook.ipynb build/notebook
+	cd build/notebook && OMP_NUM_THREADS=1 $(CURDIR)/$(BIN)/jupyter execute --inplace notebook.ipynb
+	cp build/notebook/notebook.ipynb docs
 
 docs: $(INSTALLED)   ## builds the site from the README, docs/ and the docstrings into build/docs
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'

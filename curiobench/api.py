@@ -153,5 +153,9 @@ def load_run(path: str | Path, method: str | None = None) -> Run:
 
 
 def load_agent(path: str | Path, method: str | None = None) -> Agent:
-    """The agent of a run's newest checkpoint; arguments and errors as `load_run`."""
+    """The agent of a run's newest checkpoint, or of a published set; arguments and errors as `load_run`.
+
+    "v2/stack3/mihm" is the agent that set v2 has of this task and method; instead of v2 there may be the path of a
+    set. Raises ValueError, too, where there is no such agent or its files are damaged.
+    """
     return Agent(load_config_and_agent(Path(path), {method})[1])

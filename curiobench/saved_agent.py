@@ -1,4 +1,4 @@
-"""The agent and the replay of a run's newest checkpoint, read-only."""
+"""The agent and the replay of a run's newest checkpoint, read-only, and published agents."""
 
 from collections.abc import Container
 from dataclasses import dataclass, replace
@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from curiobench import checkpoint
+from curiobench.analysis.folders import find_agent
 from curiobench.build import build_agent, build_replay
 from curiobench.config import RunConfig
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.process import tune_process
+from curiobench.published_agent import load_published
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
 
@@ -47,7 +49,13 @@ class SavedRun:
 
 
 def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
-    """The config and the agent of a run folder; see `load_saved`."""
+    """The config and the agent of a run folder, see `load_saved`, or of a published set: v2/stack3/mihm.
+
+    Raises ValueError as `load_saved` and `load_published`, and where a published set has no such agent.
+    """
+    folder = find_agent(path)
+    if folder is not None:
+        return load_published(folder, trusted)
     saved = load_saved(path, trusted)
     return saved.config, saved.agent
 

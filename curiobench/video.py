@@ -14,7 +14,7 @@ from curiobench.tasks import BatchedStacking
 from curiobench.tasks.observation import CONTROL_TIMESTEP
 from curiobench.tasks.rendering import WorldRenderer
 
-SUFFIXES = (".mp4", ".gif")
+SUFFIXES = (".mp4", ".gif", ".webp")
 
 
 def film(
@@ -63,7 +63,7 @@ def _write(path: Path, frames: np.ndarray) -> None:
         import imageio.v3 as imageio
     except ImportError:
         raise ValueError("videos need the extra `video`: pip install 'curiobench[video]'") from None
-    if path.suffix == ".gif":
+    if path.suffix != ".mp4":
         options = {"duration": 1000 * CONTROL_TIMESTEP, "loop": 0}
     else:
         options = {"fps": round(1 / CONTROL_TIMESTEP), "macro_block_size": 16}

@@ -15,6 +15,7 @@ docs/results
 docs/figures
 docs/frames
 docs/publishing
+docs/notebook
 docs/api
 ```
 
@@ -60,15 +61,25 @@ v*/README
 }
 
 project = html_title = "curiobench"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-include_patterns = ["README.md", "docs/**.md", "docs/api.rst", "results/README.md", "results/v*/README.md"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+include_patterns = [
+    "README.md",
+    "docs/**.md",
+    "docs/*.rst",
+    "docs/*.ipynb",
+    "results/README.md",
+    "results/v*/README.md",
+]
 root_doc = "README"
 myst_enable_extensions = ["html_image"]
+nb_execution_mode = "off"  # the notebook has its outputs; `make notebook` makes them
 myst_heading_anchors = 4  # links to headings, as GitHub makes them
 highlight_language = "text"  # of blocks that name none
 default_role = "code"  # of docstrings
 autodoc_member_order = "bysource"
 html_theme = "furo"
+html_show_copyright = False
+html_static_path, html_css_files = ["site"], ["notebook.css"]
 
 
 def setup(app):

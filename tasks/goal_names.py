@@ -44,6 +44,7 @@ def parse(space: "GoalSpace", name: str) -> np.ndarray:
     text = " ".join(name.lower().split())
     if text in ("all close", "all apart"):
         return _to_bits(space, set(), {(p.i, p.j) for p in space.pairs} if text == "all close" else set())
+    text = re.sub(r"on ([a-z]) (?=on )", r"on \1, \1 ", text)  # a on b on c: a on b, b on c
     on: Relations = set()
     close: Relations = set()
     for part in re.split(r"\s*,\s*", text):

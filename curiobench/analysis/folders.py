@@ -3,16 +3,22 @@
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from os.path import isfile  # which raises nothing, where Path.exists may
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from curiobench.files import read_json, reading
+from curiobench.methods.specs import display_name
+from curiobench.tasks.registration import TASKS
 
 GRID_FILE, GRID_FORMAT = "grid.json", "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
 """The frames `runs`, `evaluations` and `progress` of a published set."""
 CONFIGS = "configs"  # folder of a published set with each run's config.json, named after the run
+AGENTS = "agents"  # folder of a published set with trained agents, each a folder TASK-METHOD of two files
+WEIGHTS = "agent.safetensors"
+AGENT_FILES = ("config.json", WEIGHTS)
 SUMS = "SHA256SUMS"  # digests of a set's files, as `sha256sum --check` reads them
 _VERSION = re.compile(r"v[1-9]\d*")
 
@@ -108,6 +114,55 @@ def by_name(path: Path) -> Path:
     """Folder of the published set in this package with a name such as v1; any other path unchanged."""
     name = str(path)
     return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
+
+
+def agent_name(task: str, method: str) -> str:
+    """Folder of an agent in a set's `agents`."""
+    return f"{task}-{display_name(method).replace(':', '_')}"
+
+
+def agents_of(folder: Path) -> list[str]:
+    """Names of the agents of a published set, sorted; none where it has none."""
+    found = (folder / AGENTS).glob("*")
+    return sorted(path.name for path in found if all(isfile(path / file) for file in AGENT_FILES))
+
+
+def find_agent(path: Path) -> Path | None:
+    """Folder of the agent at a path such as v2/stack3/mihm, with SET a name or a path; None for any other path.
+
+    Raises ValueError where the set has no such agent, or it is not what was published.
+    """
+    folder = by_name(path.parent.parent)
+    if not path.parent.name or not is_published(folder):
+        if _VERSION.fullmatch(str(folder)) and not os.path.lexists(folder):
+            locate(str(folder))  # raises
+        return None
+    name = agent_name(path.parent.name, path.name)
+    if name not in (names := agents_of(folder)):
+        raise ValueError(f"{path} is no published agent; {folder} has {_told(names)}")
+    check_sums(folder, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
+    return folder / AGENTS / name
+
+
+def named_agent(path: Path, task: str | None, method: str | None) -> Path:
+    """The path, for `find_agent`, of a published set's agent of a task and method; any other path as it is.
+
+    Raises ValueError where it is not clear which agent is meant.
+    """
+    if not is_published(folder := by_name(path)):
+        if task is not None:
+            raise ValueError(f"{path} is no published set; --task is for these only")
+        return path
+    names = agents_of(folder)
+    tasks = [name for name in TASKS if agent_name(name, method or "") in names] if task is None else [task]
+    if method is not None and len(tasks) == 1:
+        return path / tasks[0] / method
+    what = "--task must say which agent of" if tasks else "--method must name an agent of"
+    raise ValueError(f"{what} {path}, which has {_told(names)}")
+
+
+def _told(agents: Sequence[str]) -> str:
+    return ", ".join(agents) or "none, only rows and configs of its runs"
 
 
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:

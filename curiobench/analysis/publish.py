@@ -5,23 +5,26 @@ import hashlib
 import io
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, SUMS, check_sums, is_published
+from curiobench.analysis.agents import collect_agents
+from curiobench.analysis.folders import AGENTS, CONFIGS, PUBLISHED_FILES, SUMS, agents_of, check_sums, is_published
 from curiobench.analysis.frames import Results, read_results
 from curiobench.files import reading, replace_file, sync_folder, utf8, writing_to
 
 DERIVED = ("tables", "figures", "report.html")  # made from the rows; publishing again makes them again
-_OWN = {*PUBLISHED_FILES, CONFIGS, SUMS, *DERIVED}
+_OWN = {*PUBLISHED_FILES, CONFIGS, AGENTS, SUMS, *DERIVED}
 _PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
 _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
 """A commit, or several separated by spaces: a lengthened run may have been made by more than one."""
 
 
-def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False) -> list[str]:
+def publish(
+    paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False, trusted: Container[str] = ()
+) -> list[str]:
     """Write the published set of runs, and return one line on each part of it.
 
     The set is written beside its place and renamed when it is complete. Where there is one already, files in it that
@@ -31,24 +34,27 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
         paths: run folders, grids, published sets. A lengthened run replaces the shorter one.
         out: folder of the set.
         allow_dirty: also take runs of altered code, or of code whose commit is not known.
-        replace: also where an existing set has runs that the new one lacks, or other numbers for a run.
+        replace: also where an existing set has runs or agents that the new one lacks, or other numbers for a run.
+        trusted: methods from outside that may be imported; without, their agents are left out.
 
     Raises ValueError, which names each, where a folder is missing, damaged, partial, duplicate or foreign, a run's code
     is no commit, or `out` holds something else or cannot be written. `out` is then unchanged.
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
-    configs = {run: _content(file) for run, file in results.config_files.items()}
+    files = {f"{CONFIGS}/{run}.json": _content(file) for run, file in results.config_files.items()}
+    agents, notes = collect_agents(results, trusted)
+    files |= agents
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
     old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
     with writing_to(out):
         _tidy(place, old, new)
-        _check_place(place, results, replace)
+        _check_place(place, results, files, replace)
         try:
             new.mkdir(parents=True)
-            _write(new, results, configs)
+            _write(new, results, files)
             derive(new)
             _keep_others(place, new)
             if place.exists():
@@ -58,7 +64,8 @@ def publish(paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace
         finally:
             _tidy(place, old, new)
     rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
-    return [*rows, *(str(out / name) for name in (CONFIGS, SUMS, *DERIVED))]
+    folders = (CONFIGS, AGENTS) if agents else (CONFIGS,)
+    return [*rows, *(str(out / name) for name in (*folders, SUMS, *DERIVED)), *notes]
 
 
 def _content(file: Path) -> bytes:
@@ -99,7 +106,7 @@ def _keep_others(out: Path, new: Path) -> None:
         shutil.copytree(out, new, symlinks=True, dirs_exist_ok=True, ignore=lambda folder, _: own.get(folder, ()))
 
 
-def _check_place(out: Path, results: Results, replace: bool) -> None:
+def _check_place(out: Path, results: Results, files: Container[str], replace: bool) -> None:
     """Raises ValueError where the set must not replace what is at `out`."""
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
@@ -115,6 +122,8 @@ def _check_place(out: Path, results: Results, replace: bool) -> None:
             faults.append(f"its run {run} would be lost")
         elif not rows.equals(ours[run][: len(rows)]):  # the new rows may be those of a longer run
             faults.append(f"its run {run} would get other numbers")
+    lost = [name for name in agents_of(out) if f"{AGENTS}/{name}/config.json" not in files]
+    faults += [f"its agent {name} would be lost" for name in lost]
     if faults:
         raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
 
@@ -131,14 +140,14 @@ def _frames(results: Results) -> dict[str, pd.DataFrame]:
     return dict(zip(PUBLISHED_FILES, (results.runs, results.evaluations, results.progress), strict=True))
 
 
-def _write(folder: Path, results: Results, configs: Mapping[str, bytes]) -> None:
-    """Write the rows and configs of a set, and their digests."""
+def _write(folder: Path, results: Results, files: Mapping[str, bytes]) -> None:
+    """Write the rows of a set, its other files, and the digests of all."""
     texts = {name: utf8(frame.to_csv(index=False, lineterminator="\n")) for name, frame in _frames(results).items()}
     data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
-    data |= {f"{CONFIGS}/{run}.json": content for run, content in configs.items()}
+    data |= files
     sums = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(data.items()))
-    (folder / CONFIGS).mkdir()
     for name, content in (data | {SUMS: sums.encode()}).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         replace_file(folder / name, lambda file, content=content: file.write(content))
 
 

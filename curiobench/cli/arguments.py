@@ -73,7 +73,7 @@ class EvaluateArguments:
     """
 
     run: tyro.conf.Positional[Path]
-    """Run folder."""
+    """Run folder, or an agent of a published set such as v2/stack3/mihm."""
     goals: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show every goal, not only the layers."""
     episodes: int | None = None
@@ -86,21 +86,26 @@ class EvaluateArguments:
 
 @dataclass(frozen=True)
 class VideoArguments:
-    """Film the agent of a run's newest checkpoint while it pursues a goal, (needs the extra `video`)."""
+    """Film the agent of a run's newest checkpoint, or a published one, while it pursues a goal (needs the extra
+    `video`)."""
 
     run: tyro.conf.Positional[Path]
-    """Run folder."""
+    """Run folder, published set, or an agent of a set such as v2/stack3/mihm."""
     goal: str
     """The goal: a name such as "a on b, c apart", or bits such as 100100000. `curiobench evaluate RUN --goals` lists
     them."""
     out: Path | None = None
-    """File to write, .mp4 or .gif; by default an mp4 in the run folder, named after the goal."""
+    """File to write, .mp4, .gif or .webp; by default an mp4 named after the goal, in the run folder or, of a published
+    agent, in the current one."""
     episodes: int = 3
     """Episodes to show, one after the other."""
     seed: int = 0
     """Seed of the starts."""
     method: str | None = None
-    """The run's method, where it is one from outside: naming it allows importing it."""
+    """Which agent of a published set. Of a run the method, where it is one from outside: naming it allows importing
+    it."""
+    task: str | None = None
+    """Task of the agent, where a published set has the method's on several."""
 
 
 @dataclass(frozen=True)
@@ -166,10 +171,11 @@ class ReportArguments:
 
 @dataclass(frozen=True)
 class PublishArguments:
-    """Write a published set: rows, configs, tables, figures and a report of finished runs in one folder.
+    """Write a published set: rows, configs, agents, tables, figures and a report of finished runs in one folder.
 
     Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
-    the place of what it was before. A README and other files that stand in the folder are kept.
+    the place of what it was before. A README and other files that stand in the folder are kept. The best run of each
+    task and method that still has its checkpoint gives the agent.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -179,7 +185,9 @@ class PublishArguments:
     allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also take runs of altered code, or of code whose commit is not known."""
     replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also where runs of the set that is there would be lost or get other numbers."""
+    """Also where runs of the set that is there would be lost or get other numbers, or agents be lost."""
+    method: tuple[str, ...] = ()
+    """The runs' methods that are from outside: naming them allows importing them; without, they give no agents."""
 
 
 @dataclass(frozen=True)

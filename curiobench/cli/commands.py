@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from curiobench import terminal
@@ -66,14 +67,15 @@ def evaluate(arguments: EvaluateArguments) -> None:
 
 
 def video(arguments: VideoArguments) -> None:
-    """Film a run's agent."""
+    """Film a run's agent, or a published one."""
+    from curiobench.analysis.folders import named_agent
     from curiobench.saved_agent import load_agent
     from curiobench.video import film
 
-    config, agent = load_agent(arguments.run, {arguments.method})
-    path, successes = film(
-        agent, config, arguments.goal, arguments.out, arguments.run, arguments.episodes, arguments.seed
-    )
+    run = named_agent(arguments.run, arguments.task, arguments.method)
+    config, agent = load_agent(run, {arguments.method})
+    folder = run if run.is_dir() else Path()  # nothing is written into published sets
+    path, successes = film(agent, config, arguments.goal, arguments.out, folder, arguments.episodes, arguments.seed)
     print(f"{path}: {successes} of {arguments.episodes} episodes reached the goal")
 
 
@@ -149,7 +151,8 @@ def publish(arguments: PublishArguments) -> None:
     """Write a published set."""
     from curiobench.analysis.publish import publish
 
-    print("\n".join(publish(arguments.runs, arguments.out, arguments.allow_dirty, arguments.replace)))
+    options = arguments.allow_dirty, arguments.replace, arguments.method
+    print("\n".join(publish(arguments.runs, arguments.out, *options)))
 
 
 def submit_check(arguments: SubmitCheckArguments) -> None:

@@ -110,8 +110,9 @@ def test_what_is_derived_is_there(make_runs, out, cli):
     make_runs()
     code, printed, _ = cli("publish", out.parents[1] / "runs", "--out", out)
     assert code == 0
-    first, *_, last = printed.splitlines()
+    first, *_, last, lacking = printed.splitlines()
     assert (first, last) == (f"{out / 'runs.csv'}: 6 rows", str(out / "report.html"))
+    assert lacking == "no agent of stack2 sac, stack2 mihm: no run has a checkpoint"
     suffixes = {path.suffix for path in (out / "tables").iterdir()}
     assert suffixes == {".txt", ".md", ".tex", ".csv"}
     assert (out / "figures" / "stack2-learning-curves.pdf").stat().st_size > 1000

@@ -175,7 +175,7 @@ def test_ctrl_c_checkpoints_and_resumes(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+@pytest.mark.parametrize("suffix", ["mp4", "gif", "webp"])
 def test_video(finished, tmp_path, suffix):
     out = tmp_path / f"film.{suffix}"
     done = call(("video", str(finished), "--goal", "a on b", "--episodes", "1", "--out", str(out)), tmp_path)

@@ -27,7 +27,13 @@ def test_bit_order_is_the_papers():
 
 
 @pytest.mark.parametrize(
-    ("bit_string", "name"), [("110011000", "a on c, b on a"), ("111000101", "c on a and b"), ("100100000", "a on b")]
+    ("bit_string", "name"),
+    [
+        ("110011000", "a on c, b on a"),
+        ("110011000", "b on a on c"),
+        ("111000101", "c on a and b"),
+        ("100100000", "a on b"),
+    ],
 )
 def test_configurations_in_the_paper(bit_string, name):
     """Figure 2's stack of three and pyramid, and a stack of two with the third block far."""

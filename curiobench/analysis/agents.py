@@ -1,0 +1,103 @@
+"""Which trained agents a published set carries: one a task and method, of its best run.
+
+The rule: of the runs that have an agent, the one with the highest mean success over all goals at its last evaluation;
+of equals the lowest seed, then the first name. Critics and replay stay behind.
+"""
+
+from collections import defaultdict
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from curiobench.analysis.folders import AGENT_FILES, AGENTS, WEIGHTS, agent_name, agents_of, check_sums, is_published
+from curiobench.analysis.frames import Results
+from curiobench.analysis.samples import DECIMALS
+from curiobench.files import reading, utf8
+
+_README = """# Trained agents
+
+One a task and method, of the best of the runs that still had a checkpoint when the set was published: the highest mean
+success over all goals at the last evaluation; of equals the lowest seed. `config.json` is that run's,
+`agent.safetensors` has what acting needs.
+
+| task | method | run | success | goals learned | bytes |
+|---|---|---|---|---|---|
+"""
+
+
+def collect_agents(results: Results, trusted: Container[str]) -> tuple[dict[str, bytes], list[str]]:
+    """Files of the agents of runs, by path in the set, and lines that say which methods have none, and why.
+
+    Args:
+        results: the runs.
+        trusted: methods from outside that may be imported.
+    """
+    files: dict[str, bytes] = {}
+    rows, lacking = [], defaultdict(list)
+    for (task, method), runs in _with_success(results).groupby(["task", "method"], sort=False):
+        found, reasons = _best_agent(runs, results.config_files, trusted)
+        if found is None:
+            lacking[reasons].append(f"{task} {method}")
+            continue
+        run, config, weights = found
+        place = f"{AGENTS}/{agent_name(task, method)}"
+        files |= {f"{place}/config.json": config, f"{place}/{WEIGHTS}": weights}
+        told = f"{run['run']} | {run['success']:.2f} | {run['learned']} of {run['goals']} | {len(weights):,}"
+        rows.append(f"| {task} | {method} | {told} |\n")
+    if files:
+        files[f"{AGENTS}/README.md"] = utf8(_README + "".join(rows))
+    return files, [f"no agent of {', '.join(names)}: {why}" for why, names in lacking.items()]
+
+
+def _with_success(results: Results) -> pd.DataFrame:
+    """The frame `runs` with the last evaluation's mean success over all goals, goals learned, and goals."""
+    all_goals = results.layers[results.layers["layer"] == 0]
+    last = all_goals.groupby("run", observed=True)[["success", "learned", "goals"]].last().round(DECIMALS)
+    return results.runs.join(last.set_index(last.index.astype(str)), on="run")
+
+
+def _best_agent(
+    runs: pd.DataFrame, config_files: Mapping[str, Path], trusted: Container[str]
+) -> tuple[tuple[dict[str, Any], bytes, bytes] | None, str]:
+    """The best run that has an agent, with the contents of its two files; None, and why, where none has."""
+    reasons = []
+    best_first = runs.sort_values(["success", "seed", "run"], ascending=[False, True, True])
+    for run in best_first.to_dict("records"):
+        try:
+            return (run, *_agent_of(run, config_files[run["run"]], trusted)), ""
+        except ValueError as error:
+            reasons.append(str(error))
+    return None, "; ".join(dict.fromkeys(reasons))
+
+
+def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> tuple[bytes, bytes]:
+    """Contents of the agent's two files; raises ValueError, which says why, where there is none."""
+    if is_published(config_file.parents[1]):
+        return _in_set(run, config_file)
+    folder = config_file.parent
+    if not (folder / "checkpoint").is_dir():
+        raise ValueError("no run has a checkpoint")
+    from curiobench.published_agent import packed  # torch takes seconds to import
+    from curiobench.saved_agent import load_saved
+
+    saved = load_saved(folder, trusted)
+    if saved.epoch != run["epoch"]:
+        raise ValueError(f"the checkpoint of {folder} is of epoch {saved.epoch}, not {run['epoch']}")
+    return _content(config_file), packed(saved.agent)
+
+
+def _in_set(run: dict[str, Any], config_file: Path) -> tuple[bytes, bytes]:
+    """What a published set has of a run."""
+    home, name = config_file.parents[1], agent_name(run["task"], run["method"])
+    of_run = name in agents_of(home) and _content(home / AGENTS / name / "config.json") == _content(config_file)
+    if not of_run:
+        raise ValueError("no run has a checkpoint")
+    check_sums(home, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
+    return _content(config_file), _content(home / AGENTS / name / WEIGHTS)
+
+
+def _content(file: Path) -> bytes:
+    with reading(file):
+        return file.read_bytes()

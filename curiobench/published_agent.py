@@ -1,0 +1,73 @@
+"""What acting needs of a trained agent, as a published set holds it: the run's config.json, and one file of tensors.
+
+`agent.safetensors` has the statistics of the encoder's normalisers and the weights of the policy that is evaluated
+(with `+hm` the exploiting one). Critics, optimiser, curiosity method and replay are left out. Nothing in it can run
+code.
+"""
+
+from collections.abc import Container
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+
+from curiobench.analysis.folders import WEIGHTS
+from curiobench.build import pair_layout
+from curiobench.config import RunConfig
+from curiobench.methods.agents.agent import LearningAgent
+from curiobench.methods.agents.sac import SAC
+from curiobench.methods.process import tune_process
+from curiobench.options import flatten
+from curiobench.run_folder import read_config
+from curiobench.tasks.registration import task_spec
+
+MAX_BYTES = 1 << 26  # those of the laptop preset have 130 kB
+
+
+def packed(agent: LearningAgent) -> bytes:
+    """The content of `agent.safetensors`; the same agent gives the same bytes."""
+    learner = agent.learner
+    tensors = flatten({"encoder": learner.encoder.state_dict()})
+    # the first policy is the one that is evaluated
+    tensors |= {f"actor.{name}": weights[:1].detach() for name, weights in learner.actor.state_dict().items()}
+    return save(tensors)
+
+
+def load_published(folder: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
+    """The config, and an agent that acts as the run's in evaluations; its critics are untrained.
+
+    Raises ValueError, one line, where a file is missing or damaged, they do not fit each other, or the method comes
+    from outside and is not `trusted`.
+    """
+    config, path = read_config(folder, trusted), folder / WEIGHTS
+    tune_process(config.torch_threads)
+    try:
+        return config, _agent(config, _content(path))
+    except (SafetensorError, KeyError, ValueError, RuntimeError) as error:
+        why = error if isinstance(error, ValueError) else f"{type(error).__name__} {error}"
+        raise ValueError(f"cannot use {path}: {' '.join(str(why).split())[:200]}") from None
+
+
+def _content(path: Path) -> bytes:
+    try:
+        if not (path.is_file() and path.stat().st_size <= MAX_BYTES):
+            raise ValueError(f"it is no file of at most {MAX_BYTES:,} bytes")
+        return path.read_bytes()
+    except OSError as error:
+        raise ValueError(error.strerror) from None
+
+
+def _agent(config: RunConfig, content: bytes) -> LearningAgent:
+    """Raises SafetensorError, KeyError, ValueError or RuntimeError where the content is damaged or of another agent."""
+    tensors = load(content)
+    if odd := [name for name, tensor in tensors.items() if not tensor.isfinite().all()]:
+        raise ValueError(f"{odd[0]} is not finite")
+    if config.sac.hidden**2 > len(content):  # a layer has as many weights; do not allocate what a config makes up
+        raise ValueError(f"it is too small for sac.hidden {config.sac.hidden}")
+    agent = SAC(pair_layout(task_spec(config.task).goal_space), config.sac, torch.Generator().manual_seed(0))
+    encoder = agent.learner.encoder
+    moments = {part: {n: tensors.pop(f"encoder.{part}.{n}") for n in own} for part, own in encoder.state_dict().items()}
+    encoder.load_state_dict(moments)
+    agent.learner.actor.load_state_dict({name.removeprefix("actor."): tensor for name, tensor in tensors.items()})
+    return agent

@@ -1,0 +1,44 @@
+"""Writes docs/agents.md, a page with a video of every agent of a published set: `make agents SET=results/v2`."""
+
+import sys
+from pathlib import Path
+
+from curiobench.analysis.folders import AGENTS, agents_of
+from curiobench.run_folder import method_of, read_record
+from curiobench.saved_agent import load_agent
+from curiobench.tasks.registration import task_spec
+from curiobench.video import film
+
+DOCS = Path(__file__).parent
+PICTURES = DOCS / "images" / "agents"
+HEAD = """# Trained agents
+
+One a task and method, of the published set `{name}`; its [README](../results/{name}/agents/README.md) says of which
+run. Each film shows one episode, from seed 0, towards the first of the tallest goals. `make agents SET=results/{name}`
+writes this page.
+
+| agent | goal | reached | film |
+|---|---|---|---|
+"""
+
+
+def row(folder: Path, name: str) -> str:
+    """A row of the table; films the agent of this name."""
+    record = read_record(folder / AGENTS / name)
+    config, agent = load_agent(folder / record["config"]["task"] / method_of(record))
+    space = task_spec(config.task).goal_space
+    goal = space.names[int(space.layers.argmax())]
+    picture, reached = film(agent, config, goal, PICTURES / f"{name}.webp", folder)
+    link = f'<img width="240" src="{picture.relative_to(DOCS)}" alt="{name}: {goal}">'
+    return f"| {name} | {goal} | {'yes' if reached else 'no'} | {link} |\n"
+
+
+def main() -> None:
+    """Write the page."""
+    folder = Path(sys.argv[1]).resolve()
+    rows = [row(folder, name) for name in agents_of(folder)]
+    (DOCS / "agents.md").write_text(HEAD.format(name=folder.name) + "".join(rows), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
