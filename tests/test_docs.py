@@ -45,12 +45,11 @@ def test_links_lead_to_files(page):
         assert (page.parent / link).exists(), link
 
 
-def test_scores_of_the_probes_are_those_that_were_written():
-    _, _, rest = (
-        (ROOT / "docs" / "probes.md").read_text().partition("<!-- scores: docs/images/probe/scores.csv -->\n```\n")
-    )
+@pytest.mark.parametrize("scores", ["docs/images/probe/scores.csv", "docs/images/probe/laptop/scores.csv"])
+def test_scores_of_the_probes_are_those_that_were_written(scores):
+    _, _, rest = (ROOT / "docs" / "probes.md").read_text().partition(f"<!-- scores: {scores} -->\n```\n")
     told = [line.split()[:5] for line in rest.partition("```")[0].splitlines()[1:]]
-    with open(ROOT / "docs" / "images" / "probe" / "scores.csv", newline="") as file:
+    with open(ROOT / scores, newline="") as file:
         rows = sorted(csv.DictReader(file), key=lambda row: -float(row["controllability"]))
     names = ("lifting", "falling", "controllability")
     assert told == [[row["method"], row["epoch"], *(f"{float(row[name]):+.2f}" for name in names)] for row in rows]
