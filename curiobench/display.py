@@ -25,7 +25,7 @@ class Terminal(Console):
 
     def say(self, text: str) -> None:
         """Print text as it is, its lines never broken."""
-        self.print(Text(text, no_wrap=True, overflow="ignore"), crop=False)
+        self.print(Text(text), no_wrap=True, overflow="ignore", crop=False)
 
     def on_broken_pipe(self) -> None:
         """Rich's own would end the process."""

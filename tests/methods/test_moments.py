@@ -64,7 +64,7 @@ def test_constant_input_is_not_blown_up():
     torch.testing.assert_close(found.normalise(torch.tensor([0.301])), torch.tensor([0.1]), atol=1e-4, rtol=0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     sizes=st.lists(st.integers(0, 9), min_size=1, max_size=6),

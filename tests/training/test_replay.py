@@ -143,7 +143,7 @@ def test_cap_gives_way_when_every_goal_already_holds():
     assert batch["reward"].all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.lists(st.integers(0, 3), max_size=9), st.integers(0, 9)), max_size=12))
 def test_queues_equal_lists(rounds):
     """Each round appends numbers to groups, then removes the oldest ones of some group."""

@@ -54,7 +54,7 @@ def change_of_outputs(dtype: torch.dtype, targets: list[torch.Tensor]) -> float:
     return worst
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     powers=st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=1, max_size=6),
