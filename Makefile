@@ -39,6 +39,7 @@ fidelity: $(INSTALLED)   ## measures the numbers of docs/fidelity.md and draws i
 
 presets: $(INSTALLED)   ## writes tables of the docs from the runs in results/
 	$(RUN) docs/make_presets.py
+	$(RUN) docs/make_methods.py
 
 goal-pictures: $(INSTALLED)   ## draws the pictures of goals that reports show
 	$(RUN) docs/make_goal_pictures.py

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from sections import markdown, replace_section
 
-from curiobench.evaluation import last_evaluation, learned_by_layer
 from curiobench.run_folder import read_rows
 
 DOCS = Path(__file__).parent
@@ -51,31 +50,6 @@ def curve_table(runs: Iterable[Path], every: int = 1) -> str:
     return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], table)
 
 
-def learned_table(runs: Iterable[Path]) -> str:
-    """A row a run: goals learned at its end, by layer and in all, mean success, and minutes."""
-    table = []
-    for run in runs:
-        minutes = f"{float(read_rows(run / 'progress.csv')[-1]['seconds']) / 60:.0f}"
-        rows = last_evaluation(read_rows(run / "evaluations.csv"))
-        layers = learned_by_layer(rows).values()
-        learned = [f"{of_layer} of {goals}" for of_layer, goals in (*layers, map(sum, zip(*layers, strict=True)))]
-        table.append([run.name.rpartition("-")[2], *learned, f"{mean(rows):.2f}", minutes])
-    return markdown(["seed", "1 layer", "2 layers", "3 layers", "goals learned", "mean success", "minutes"], table)
-
-
-def final_table(runs: Iterable[Path]) -> str:
-    """A row a run: mean success after each epoch, success by layer and goals learned at the end."""
-    table = []
-    for run in runs:
-        of_run = read_rows(run / "evaluations.csv")
-        epochs = sorted({int(row["epoch"]) for row in of_run} - {0})
-        means = " · ".join(f"{mean(evaluation(run, epoch)):.2f}" for epoch in epochs)
-        last = last_evaluation(of_run)
-        learned = f"{sum(int(row['learned']) for row in last)} of {len(last)}"
-        table.append([run.name.removeprefix("stack2-"), means, by_layer(last), learned])
-    return markdown(["method and seed", "mean success, epoch by epoch", "by layer at the end", "learned"], table)
-
-
 def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
     """A row a variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
     runs = {"the whole agent": list(whole)}
@@ -113,9 +87,3 @@ if __name__ == "__main__":
     }
     for name, table in tables.items():
         page.write_text(replace_section(page.read_text(), name, table, "make presets"))
-    page = DOCS / "methods" / "table4.md"
-    runs = [*sorted(RUNS.glob("stack2-sac-[01]")), *sorted((RUNS.parent / "table4").glob("stack2-*"))]
-    page.write_text(replace_section(page.read_text(), "table 4", final_table(runs), "make presets"))
-    readme = DOCS.parent / "README.md"
-    table = learned_table(sorted(RUNS.glob("stack3-sac-?")))
-    readme.write_text(replace_section(readme.read_text(), "plain SAC", table, "make presets"))

@@ -1,0 +1,138 @@
+"""Writes tables and figures of docs/methods from the runs kept in results/: `make presets`."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from make_presets import DOCS, mean
+from scipy import stats
+from sections import markdown, replace_section
+
+from curiobench.analysis import load
+from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
+from curiobench.analysis.frames import Results
+from curiobench.analysis.style import COLOURS
+from curiobench.evaluation import last_evaluation
+from curiobench.run_folder import read_json, read_rows
+
+RESULTS = DOCS.parent / "results"
+COMMAND = "make presets"
+PAPERS_TAU = 0.2
+
+Sweep = dict[str, dict[float, list[float]]]
+"""Final mean success by method and tau, a value a seed."""
+
+
+def read_sweep() -> Sweep:
+    """The finished runs of docs/examples/tau.yaml."""
+    sweep: Sweep = {}
+    for path in sorted((RESULTS / "tau").glob("*/result.json")):
+        config = read_json(path.parent / "config.json")["config"]
+        method = path.parent.name.removeprefix("stack2-").partition("-tau-")[0]
+        by_tau = sweep.setdefault(method, {})
+        by_tau.setdefault(config["sac"]["tau"], []).append(read_json(path)["success"])
+    return sweep
+
+
+def tau_table(sweep: Sweep) -> str:
+    """A row a method: final mean success for each tau, seed by seed; then the mean over methods and seeds."""
+    taus = sorted(next(iter(sweep.values())))
+    rows = [[m, *(", ".join(f"{v:.2f}" for v in by_tau[t]) for t in taus)] for m, by_tau in sweep.items()]
+    means = [np.mean([by_tau[tau] for by_tau in sweep.values()]) for tau in taus]
+    return markdown(["τ", *map(str, taus)], [*rows, ["mean of all", *(f"{value:.2f}" for value in means)]])
+
+
+def tau_differences(sweep: Sweep) -> str:
+    """A row a tau: its success less that of the paper's tau with the same method and seed, with a t interval."""
+    paper = np.array([by_tau[PAPERS_TAU] for by_tau in sweep.values()]).ravel()
+    rows = []
+    for tau in sorted(next(iter(sweep.values()))):
+        if tau != PAPERS_TAU:
+            difference = np.array([by_tau[tau] for by_tau in sweep.values()]).ravel() - paper
+            low, high = stats.ttest_1samp(difference, 0).confidence_interval()
+            rows.append([str(tau), f"{difference.mean():+.2f}", f"{low:+.2f} to {high:+.2f}", str(len(difference))])
+    return markdown(["τ", f"success less that of τ = {PAPERS_TAU}", "95 %", "pairs"], rows)
+
+
+@matplotlib_settings()
+def draw_tau(sweep: Sweep, path: Path) -> None:
+    """A line a method: mean over seeds of final success by tau; a dot a run; the mean over methods in black."""
+    figure = new_figure(6, 3.5, dpi=150)
+    axes = figure.subplots()
+    for method, by_tau in sweep.items():
+        taus, colour = sorted(by_tau), COLOURS["mi" if method == "mihm" else method]
+        style = {"color": colour, "linewidth": 1, "linestyle": "-" if method == "mihm" else "--"}
+        axes.plot(taus, [np.mean(by_tau[tau]) for tau in taus], label=method, **style)
+        for tau in taus:
+            axes.plot([tau] * len(by_tau[tau]), by_tau[tau], ".", color=colour, alpha=0.6)
+    overall = [np.mean([by_tau[tau] for by_tau in sweep.values()]) for tau in taus]
+    axes.plot(taus, overall, "k", linewidth=2.5, label="mean of the five")
+    axes.set(xlabel="τ", ylabel="success after 3 epochs", xscale="log", ylim=(0, 1.02))
+    axes.set_xticks(taus, list(map(str, taus)))
+    axes.set_xticks([], minor=True)
+    axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+    axes.spines[["top", "right"]].set_visible(False)
+    save_figure(figure, path.with_suffix(""), ["png"])
+
+
+def last_epochs(frame: pd.DataFrame) -> pd.DataFrame:
+    """Rows of each run's last epoch in a frame."""
+    return frame[frame["epoch"] == frame.groupby("run", observed=True)["epoch"].transform("max")]
+
+
+def before_and_after(results: Results) -> str:
+    """A row a method and seed: success and spread of the bonus at the end, before and after the methods were mended."""
+    layers, progress = (last_epochs(frame).set_index("run") for frame in (results.layers, results.progress))
+    after = layers[layers["layer"] == 0]["success"]
+    rows = []
+    for run in sorted((RESULTS / "before").glob("stack2-*")):
+        method, _, seed = run.name.removeprefix("stack2-").rpartition("-")
+        before = mean(last_evaluation(read_rows(run / "evaluations.csv")))
+        spreads = float(read_rows(run / "progress.csv")[-1]["bonus_spread"]), progress["bonus_spread"][run.name]
+        rows.append([method, seed, f"{before:.2f}", f"{after[run.name]:.2f}", *(f"{value:.3f}" for value in spreads)])
+    head = ["method", "seed", "success before", "success after", "spread of the bonus before", "after"]
+    return markdown(head, rows)
+
+
+def final_table(results: Results, methods: tuple[str, ...]) -> str:
+    """A row a run of stack2: mean success after each epoch, success by layer and goals learned at the end."""
+    layers = results.layers[(results.layers["task"] == "stack2") & results.layers["method"].isin(methods)]
+    rows = []
+    for run, of_run in layers[layers["epoch"] > 0].groupby("run", observed=True):
+        means = " · ".join(f"{value:.2f}" for value in of_run[of_run["layer"] == 0]["success"])
+        last = last_epochs(of_run).set_index("layer")
+        by_layer = " / ".join(f"{value:.2f}" for value in last["success"].drop(0))
+        learned = f"{last['learned'][0]} of {last['goals'][0]}"
+        rows.append([str(run).removeprefix("stack2-"), means, by_layer, learned])
+    return markdown(["method and seed", "mean success, epoch by epoch", "by layer at the end", "learned"], rows)
+
+
+def learned_table(results: Results, task: str) -> str:
+    """A row a method and variant: seeds, and means over them of learned goals, by layer and in all, and of success."""
+    layers = last_epochs(results.layers[results.layers["task"] == task])
+    goals = layers.groupby("layer")["goals"].first()
+    head = ["method", "seeds", *(f"{layer} layer{'s'[: layer > 1]}" for layer in goals.index.drop(0))]
+    rows = []
+    for (method, variant), of_method in layers.groupby(["method", "variant"], observed=True):
+        by_layer = of_method.groupby("layer")[["learned", "success"]].mean()
+        learned = [f"{by_layer['learned'][layer]:g} of {goals[layer]}" for layer in (*goals.index.drop(0), 0)]
+        seeds = of_method["seed"].nunique()
+        name = f"{method}, {variant}" if variant else str(method)
+        rows.append([name, str(seeds), *learned, f"{by_layer['success'][0]:.2f}"])
+    return markdown([*head, "goals learned", "mean success"], rows)
+
+
+def write_section(page: Path, name: str, table: str) -> None:
+    """Replace a section of a page."""
+    page.write_text(replace_section(page.read_text(), name, table, COMMAND))
+
+
+if __name__ == "__main__":
+    sweep, results = read_sweep(), load(RESULTS / "v2")
+    write_section(DOCS / "methods" / "tau.md", "tau", tau_table(sweep))
+    write_section(DOCS / "methods" / "tau.md", "differences", tau_differences(sweep))
+    draw_tau(sweep, DOCS / "images" / "tau.png")
+    write_section(DOCS / "methods" / "before_after.md", "before and after", before_and_after(results))
+    table = final_table(results, ("sac", "mihm", "decstr", "mcher"))
+    write_section(DOCS / "methods" / "table4.md", "table 4", table)
+    write_section(DOCS.parent / "README.md", "stack3", learned_table(results, "stack3"))
