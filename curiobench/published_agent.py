@@ -1,8 +1,8 @@
-"""What acting needs of a trained agent, as a published set holds it: the run's config.json, and one file of tensors.
+"""Trained agents in a published set, as two files: the run's config.json and agent.safetensors.
 
-`agent.safetensors` has the statistics of the encoder's normalisers and the weights of the policy that is evaluated
-(with `+hm` the exploiting one). Critics, optimiser, curiosity method and replay are left out. Nothing in it can run
-code.
+`agent.safetensors` holds what the agent needs to act: the statistics of the encoder's normalisers, and the weights of
+the policy that is evaluated (with `+hm`, the exploiting one). Critics, optimiser, curiosity method and replay buffer
+are left out. The file contains no executable code.
 """
 
 from collections.abc import Container
@@ -22,11 +22,11 @@ from curiobench.options import flatten
 from curiobench.run_folder import read_config
 from curiobench.tasks.registration import task_spec
 
-MAX_BYTES = 1 << 26  # those of the laptop preset have 130 kB
+MAX_BYTES = 1 << 26  # largest size of agent.safetensors; with the laptop preset it has 130 kB
 
 
 def packed(agent: LearningAgent) -> bytes:
-    """The content of `agent.safetensors`; the same agent gives the same bytes."""
+    """The content of `agent.safetensors`. The same agent gives the same bytes."""
     learner = agent.learner
     tensors = flatten({"encoder": learner.encoder.state_dict()})
     # the first policy is the one that is evaluated
@@ -35,10 +35,10 @@ def packed(agent: LearningAgent) -> bytes:
 
 
 def load_published(folder: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
-    """The config, and an agent that acts as the run's in evaluations; its critics are untrained.
+    """The config, and an agent that acts as the run's agent does in evaluations. Its critics are untrained.
 
-    Raises ValueError, one line, where a file is missing or damaged, they do not fit each other, or the method comes
-    from outside and is not `trusted`.
+    Raises ValueError with a message of one line if a file is missing or damaged, the files do not match, or the method
+    is external and not `trusted`.
     """
     config, path = read_config(folder, trusted), folder / WEIGHTS
     tune_process(config.torch_threads)
@@ -59,11 +59,11 @@ def _content(path: Path) -> bytes:
 
 
 def _agent(config: RunConfig, content: bytes) -> LearningAgent:
-    """Raises SafetensorError, KeyError, ValueError or RuntimeError where the content is damaged or of another agent."""
+    """Raises SafetensorError, KeyError, ValueError or RuntimeError if the content is damaged or of another agent."""
     tensors = load(content)
     if odd := [name for name, tensor in tensors.items() if not tensor.isfinite().all()]:
         raise ValueError(f"{odd[0]} is not finite")
-    if config.sac.hidden**2 > len(content):  # a layer has as many weights; do not allocate what a config makes up
+    if config.sac.hidden**2 > len(content):  # a layer has hidden² weights; do not allocate them for a wrong config
         raise ValueError(f"it is too small for sac.hidden {config.sac.hidden}")
     agent = SAC(pair_layout(task_spec(config.task).goal_space), config.sac, torch.Generator().manual_seed(0))
     encoder = agent.learner.encoder

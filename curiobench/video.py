@@ -1,4 +1,4 @@
-"""Videos of an agent, rendered without a screen."""
+"""Videos of an agent, rendered off-screen."""
 
 import re
 import tempfile
@@ -20,22 +20,23 @@ SUFFIXES = (".mp4", ".gif", ".webp")
 def film(
     agent: LearningAgent, config: RunConfig, goal: str, out: Path | None, run: Path, episodes: int = 1, seed: int = 0
 ) -> tuple[Path, int]:
-    """Film episodes from plain starts, by the deterministic policy, one after the other.
+    """Record episodes of the deterministic policy from plain starts, one after the other, in one video.
 
     Args:
-        agent: acts.
-        config: of its run.
-        goal: what it pursues; anything that `GoalSpace.parse` understands.
-        out: file to write; an mp4 in the run folder, named after the goal, if None.
+        agent: the agent that acts.
+        config: config of the agent's run.
+        goal: desired goal of all episodes, in a form that `GoalSpace.parse` accepts.
+        out: file to write; if None, an mp4 in the run folder, named after the goal.
         run: the run folder.
-        episodes: at least 1.
-        seed: of the starts.
+        episodes: number of episodes, at least 1.
+        seed: seed of the starts.
 
     Returns:
-        The file, and how many episodes ended in the goal.
+        The file, and the number of episodes that ended in the goal.
 
     Raises:
-        ValueError: an unknown goal or file type, no episode, the extra `video` is missing, or no way to write.
+        ValueError: the goal or file type is unknown, there is no episode, the extra `video` is missing, or the file
+            cannot be written.
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}; it must be at least 1")
@@ -69,7 +70,7 @@ def _write(path: Path, frames: np.ndarray) -> None:
         options = {"fps": round(1 / CONTROL_TIMESTEP), "macro_block_size": 16}
     try:
         content = imageio.imwrite("<bytes>", frames, extension=path.suffix, **options)
-        if path.suffix == ".mp4" and b"moov" not in content:  # the index at its end is missing if ffmpeg failed
+        if path.suffix == ".mp4" and b"moov" not in content:  # the index at the file's end is missing if ffmpeg failed
             raise OSError(f"ffmpeg wrote no complete video; is there space in {tempfile.gettempdir()}?")
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, lambda file: file.write(content))

@@ -1,8 +1,8 @@
 """Semantic-stacking tasks: blocks on a table, a hand, and goals such as "a on b".
 
-`load` gives a dm_control environment, `BatchedStacking` steps many worlds at once, and `gymnasium.make` and
-`gymnasium.make_vec` know both, such as "curiobench/SemanticStack3-v0", once `curiobench` is imported. `task_spec` tells
-all about a task.
+`load` returns a dm_control environment. `BatchedStacking` steps many worlds at once. Importing `curiobench` registers
+the tasks with Gymnasium, so that `gymnasium.make` and `gymnasium.make_vec` accept ids such as
+"curiobench/SemanticStack3-v0". `task_spec` returns the definition of a task.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ __all__ = ["ROBOTS", "TASKS", "TASK_VERSION", "BatchedStacking", "TaskSpec", "lo
 
 
 def __getattr__(name: str) -> Any:
-    # imported on first use: MuJoCo takes half a second to load, and `curiobench --help` needs none of it
+    # imported on first use, because MuJoCo takes half a second to load and `curiobench --help` does not need it
     if name == "load":
         from curiobench.tasks.stacking import load
 

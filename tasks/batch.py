@@ -1,7 +1,8 @@
-"""Many worlds at once: the composer task's compiled model, stepped by MuJoCo's own thread pool.
+"""Batched worlds: the compiled model of the composer task, stepped by MuJoCo's thread pool.
 
-One call advances all worlds by one action. Observations, achieved goals and rewards are computed in numpy for all of
-them together; a world is reset by writing its positions and velocities. Nothing here depends on the number of threads.
+One call advances all worlds by one action. Observations, achieved goals and rewards are computed in numpy for all
+worlds together. A world is reset by writing its positions and velocities. Results do not depend on the number of
+threads.
 """
 
 import logging
@@ -23,17 +24,17 @@ logger = logging.getLogger(__name__)
 
 _STATE_SPEC = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _MAX_SPEED = 1e4
-"""A generalised velocity beyond this means that the solver has lost the world (metres or radians a second)."""
+"""A generalised velocity above this means that the simulation has diverged (metres or radians per second)."""
 
 
 @dataclass
 class Observation:
-    """What N worlds show after a step or a reset; the arrays are fresh and the caller's to keep."""
+    """The observation of N worlds after a step or a reset. The arrays are copies that the caller may keep."""
 
     observation: np.ndarray
     """`(N, 10 + 15 n)` float32 state vectors."""
     achieved_goal: np.ndarray
-    """`(N, n_bits)` float32 predicates that hold."""
+    """`(N, n_bits)` float32 predicates, 1 where they hold."""
     desired_goal: np.ndarray
     """`(N, n_bits)` float32 goals."""
 
@@ -43,11 +44,11 @@ class BatchedStacking:
 
     Attributes:
       n_worlds: number of worlds N.
-      spec: of the task.
+      spec: the task's definition.
       goal_space: the task's predicates and valid goals.
       step_counts: `(N,)` actions since each world's last reset.
-      diverged: `(N,)` bool, worlds whose physics diverged in the last step and that were reset in it.
-      divergences: how often that has happened since construction.
+      diverged: `(N,)` bool, worlds whose physics diverged in the last step and that were therefore reset.
+      divergences: number of such resets since construction.
     """
 
     def __init__(
@@ -62,16 +63,16 @@ class BatchedStacking:
         """Compiles the task and resets every world to a plain start.
 
         Args:
-          task: a task's name, one of `TASKS`.
-          n_worlds: at least 1.
+          task: name of the task, one of `TASKS`.
+          n_worlds: number of worlds, at least 1.
           robot: "gripper" or "fetch".
-          n_threads: threads that step the worlds; the numbers do not depend on it.
-          seed: of the starts and of goals that are not given.
-          probabilities: of biased starts; the paper's unless given.
+          n_threads: number of threads that step the worlds. Results do not depend on it.
+          seed: seed of the start positions and of goals that are not given.
+          probabilities: probabilities of biased starts; those of the paper by default.
 
         Raises:
-          ValueError: an unknown task or robot, a robot that the task may not be run with, or fewer than one world or
-            thread.
+          ValueError: the task or robot is unknown, the task does not support the robot, or there is less than one world
+            or thread.
         """
         if n_worlds < 1 or n_threads < 1:
             raise ValueError(f"at least one world and one thread are needed, got {n_worlds} and {n_threads}")
@@ -91,10 +92,10 @@ class BatchedStacking:
         n_state = mujoco.mj_stateSize(model, _STATE_SPEC)
         if n_state != 1 + model.nq + model.nv:
             raise RuntimeError(f"the model has state beside time, qpos and qvel: {n_state - 1 - model.nq - model.nv}")
-        # one thread steps in the caller's, which spares it a hand-over
+        # with one thread, the caller's thread does the stepping, which saves a thread switch
         self._rollout = rollout.Rollout(nthread=n_threads if n_threads > 1 else 0)
         self._models = [model] * n
-        # a thread fetches its worlds in four goes: MuJoCo's own forty cost a tenth of the gain from a second thread
+        # each thread takes its worlds in four chunks: MuJoCo's default of forty loses a tenth of a second thread's gain
         self._chunk = max(1, n // (4 * n_threads))
         self._data = [mujoco.MjData(model) for _ in range(n_threads)]
         self._state = np.zeros((n, n_state))
@@ -126,15 +127,15 @@ class BatchedStacking:
         """Starts new episodes.
 
         Args:
-          worlds: `(k,)` indices or `(N,)` bool of the worlds to reset; all unless given.
-          biased: whether they start biased, one bool or `(k,)`.
-          goals: `(n_bits,)` or `(k, n_bits)` desired goals; drawn uniformly from the valid goals unless given.
+          worlds: `(k,)` indices or `(N,)` bool of the worlds to reset; all by default.
+          biased: whether the starts are biased, one bool or `(k,)`.
+          goals: `(n_bits,)` or `(k, n_bits)` desired goals; drawn uniformly from the valid goals by default.
 
         Returns:
           The observation of all N worlds.
 
         Raises:
-          ValueError: a goal that is not valid or an index that does not exist.
+          ValueError: a goal is not valid or an index does not exist.
         """
         worlds = self._world_indices(worlds)
         goals = self._check_goals(goals, len(worlds))
@@ -166,12 +167,12 @@ class BatchedStacking:
         return goals
 
     def pursue(self, goals: np.ndarray) -> Observation:
-        """Gives all worlds other desired goals `(N, n_bits)`, each valid, in mid-episode or right after a reset."""
+        """Replaces the desired goals of all worlds by valid goals `(N, n_bits)`, at any time in an episode."""
         self.desired_goal[:] = self._check_goals(goals, self.n_worlds)
         return self.observe()
 
     def place(self, worlds: np.ndarray, positions: np.ndarray) -> Observation:
-        """Puts upright blocks at centres `(k, n, 3)` in metres, the hand at its start; begins new episodes there."""
+        """Starts new episodes with upright blocks at centres `(k, n, 3)` in metres and the hand at its start."""
         worlds = self._world_indices(worlds)
         self._qpos[worlds] = self._bound.place_blocks(np.asarray(positions, np.float64))
         self._qvel[worlds] = 0
@@ -185,14 +186,14 @@ class BatchedStacking:
           actions: `(N, 4)` in [-1, 1].
 
         Returns:
-          The observation, and the rewards `(N,)` float32: 1 where the achieved goal is the desired one, else 0.
+          The observation, and the rewards `(N,)` float32: 1 where the achieved goal equals the desired goal, else 0.
 
         Raises:
-          ValueError: actions of a wrong shape, not finite or out of range; no world has moved then.
+          ValueError: the actions have a wrong shape, are not finite or are out of range. No world is stepped then.
         """
         actions = check_actions(actions, self.n_worlds)
         command = self._bound.command(self._qpos, self._qvel, actions)
-        self._state[:, 0] = 0  # each control step begins at time 0, so that a world that starts over can be told
+        self._state[:, 0] = 0  # each control step begins at time 0, so that a reset by MuJoCo can be detected
         self._control[:] = command[:, None]
         self._rollout.rollout(
             self._models,
@@ -213,10 +214,10 @@ class BatchedStacking:
         return seen, self.compute_reward(seen.achieved_goal, seen.desired_goal)
 
     def _recover_diverged(self) -> None:
-        """Resets worlds whose physics diverged to a plain start; their goal and step count stay."""
+        """Resets worlds whose physics diverged to a plain start. Their goals and step counts do not change."""
         duration = self._bound.n_substeps * self.model.opt.timestep
         sane = np.isfinite(self._state).all(axis=1) & (np.abs(self._qvel) < _MAX_SPEED).all(axis=1)
-        # MuJoCo itself starts a world over when it meets a bad number, which sets its clock back
+        # MuJoCo resets a world by itself, and its time with it, when it finds a number that is not finite or too large
         self.diverged = ~(sane & (np.abs(self._state[:, 0] - duration) < self.model.opt.timestep / 2))
         if self.diverged.any():
             worlds = np.flatnonzero(self.diverged)
@@ -226,7 +227,7 @@ class BatchedStacking:
             self._qvel[worlds] = 0
 
     def observe(self) -> Observation:
-        """The present observation of all worlds."""
+        """The current observation of all worlds."""
         return Observation(
             observation=self._bound.observation(self._qpos, self._qvel),
             achieved_goal=predicates(self.block_positions),
@@ -235,7 +236,7 @@ class BatchedStacking:
 
     @property
     def block_positions(self) -> np.ndarray:
-        """Centres `(N, n, 3)` in metres."""
+        """Centres of the blocks `(N, n, 3)` in metres."""
         return self._bound.block_positions(self._qpos)
 
     @property
@@ -250,7 +251,7 @@ class BatchedStacking:
 
     @property
     def truncated(self) -> np.ndarray:
-        """`(N,)` bool, worlds whose episode has reached the task's horizon."""
+        """`(N,)` bool, True for worlds whose episode has reached the task's horizon."""
         return self.step_counts >= self.horizon
 
     @staticmethod
@@ -259,7 +260,7 @@ class BatchedStacking:
         return (np.asarray(achieved_goal) == np.asarray(desired_goal)).all(axis=-1).astype(np.float32)
 
     def state_dict(self) -> dict[str, object]:
-        """All that later steps depend on: arrays and plain values."""
+        """Everything that later steps depend on, as arrays and plain values."""
         return {
             "state": self._state.copy(),
             "desired_goal": self.desired_goal.copy(),
@@ -269,7 +270,7 @@ class BatchedStacking:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Takes up where `state_dict` was taken."""
+        """Restores the state that `state_dict` returned."""
         self._state[:] = state["state"]
         self.desired_goal[:] = state["desired_goal"]
         self.step_counts[:] = state["step_counts"]
@@ -277,7 +278,7 @@ class BatchedStacking:
         self.rng.bit_generator.state = state["rng"]
 
     def __getstate__(self) -> dict[str, object]:
-        """For pickle and deepcopy: all but the buffers, whose views of each other a copy would cut."""
+        """For pickle and deepcopy: everything but the buffers. Some are views of others, which a copy would break."""
         names = ("n_worlds", "spec", "goal_space", "_probabilities", "_bound", "model", "rng", "diverged")
         return {name: vars(self)[name] for name in names} | {"n_threads": len(self._data), "kept": self.state_dict()}
 

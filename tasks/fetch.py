@@ -1,8 +1,8 @@
-"""The paper's arm: a Fetch robot whose hand is pulled along by a mocap body.
+"""The paper's arm: a Fetch robot whose hand is pulled by a mocap body.
 
-Its MJCF and meshes ship in the package gymnasium-robotics (MIT licence; extra `fetch`). Two repairs make today's MuJoCo
-move it as the paper's did: joints other than the fingers are unlimited, and the weld's rotation is as stiff as it was
-before MuJoCo 3.
+Its MJCF and meshes come from the package gymnasium-robotics (MIT licence; extra `fetch`). Two changes make it move in
+current MuJoCo as it did in the paper's version. Joints other than the fingers are unlimited. The weld's rotation is as
+stiff as it was before MuJoCo 3.
 """
 
 import importlib.resources
@@ -18,18 +18,18 @@ from curiobench.tasks.observation import HandState
 from curiobench.tasks.robots import HAND_ROTATION, HAND_STEP, Hand, Robot, add_finger_servos, finger_targets
 
 _BASE_SLIDES = {"robot0:slide0": 0.405, "robot0:slide1": 0.48, "robot0:slide2": 0.0}
-"""Where the robot stands beside the table (metres)."""
+"""Position of the robot beside the table (metres)."""
 _START_OFFSET = (-0.498, 0.005, -0.231)
-"""From the grip of the stretched-out arm to where the mocap pulls it before an episode (metres)."""
+"""Offset from the grip of the stretched arm to the point that the mocap body pulls it to before an episode (metres)."""
 _SETTLING_STEPS = 500
 """Physics steps after which the hand is at rest."""
 _WELD = dict(relpose=(0, 0, 0, 1, 0, 0, 0), solref=(0.02, 1), solimp=(0.9, 0.95, 0.001, 0.5, 2))
 _WELD_TORQUE_SCALE = 4.06
-"""MuJoCo 3 made a weld's rotation 16.5 times softer; the stiffness goes with the square of this."""
+"""MuJoCo 3 made the rotation of welds 16.5 times softer. The stiffness is proportional to the square of this scale."""
 
 
 class FetchArm(Robot):
-    """The Fetch arm, mocap-driven, at 20 steps of 2 ms per action."""
+    """The Fetch arm, driven by a mocap body, with 20 physics steps of 2 ms per action."""
 
     timestep = 0.002
 
@@ -51,7 +51,7 @@ class FetchArm(Robot):
 
     def install(self, arena: composer.Arena) -> None:
         arena.attach(self)
-        # a mocap body has to be a child of the world itself, so it cannot come with the robot
+        # a mocap body must be a child of the world body, so it cannot be part of the robot's model
         mocap = arena.mjcf_model.worldbody.add("body", name="mocap", mocap=True)
         hand = self._mjcf_model.find("body", "robot0:gripper_link")
         arena.mjcf_model.equality.add("weld", body1=mocap, body2=hand, torquescale=_WELD_TORQUE_SCALE, **_WELD)
@@ -60,7 +60,7 @@ class FetchArm(Robot):
         return _ArmHand(model)
 
     def start_configuration(self, model: mujoco.MjModel) -> np.ndarray:
-        """Stands the robot beside the table and lets the mocap pull the hand to its start, with nothing in the way."""
+        """Places the robot beside the table and lets the mocap body pull the hand to its start, without contacts."""
         data = mujoco.MjData(model)
         for name, position in _BASE_SLIDES.items():
             data.joint(f"robot/{name}").qpos = position
@@ -110,14 +110,14 @@ class _ArmHand(Hand):
 
     def command(self, state: HandState, action: np.ndarray) -> np.ndarray:
         position = state.target_origin[:, :3] + HAND_STEP * action[:, :3]
-        # adding the downward rotation to the present one, each a unit quaternion times a weight, pulls the hand upright
+        # the weighted sum of the current unit quaternion and the downward rotation turns the hand back to vertical
         rotation = state.target_origin[:, 3:] + HAND_ROTATION
         rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
         return np.hstack([finger_targets(state.finger_positions, action), position, rotation])
 
 
 def _assets() -> Path:
-    # found without importing it: the package registers environments and wants its own renderer
+    # found without an import, because the package registers environments and sets up its own renderer
     package = importlib.util.find_spec("gymnasium_robotics")
     if package is None or package.origin is None:
         raise ValueError("the robot 'fetch' needs the meshes of gymnasium-robotics: pip install 'curiobench[fetch]'")
@@ -125,7 +125,7 @@ def _assets() -> Path:
 
 
 def _fetch_xml() -> str:
-    """One self-contained model from the package's shared and robot files, less what the task brings itself."""
+    """One self-contained model from the package's shared and robot files, without the parts that the task adds."""
     shared = ElementTree.parse(_assets() / "fetch" / "shared.xml").getroot()
     robot = ElementTree.parse(_assets() / "fetch" / "robot.xml").getroot()
     for assets in shared.findall("asset"):

@@ -1,8 +1,8 @@
-"""Readable names of semantic goals, and back.
+"""Conversion of semantic goals to readable names and back.
 
 A name is a list of relations separated by commas: "a on b", "a on b and c" (a pyramid: it implies that b and c are
-close), "c close to a and b", "all close". Blocks without any relation are "apart". A block on another is close to it,
-which is not said again.
+close), "c close to a and b", "all close". Blocks without any relation are "apart". A block on another block is also
+close to it, and the name does not repeat that.
 """
 
 import re
@@ -36,10 +36,10 @@ def describe(space: "GoalSpace", bits: np.ndarray) -> str:
 
 
 def parse(space: "GoalSpace", name: str) -> np.ndarray:
-    """The bits `(n_bits,)` that a name describes; blocks it does not mention are apart.
+    """The bits `(n_bits,)` that a name describes. Blocks that it does not mention are apart.
 
     Raises:
-      ValueError: a relation is not understood or names a block that the task lacks.
+      ValueError: a relation cannot be parsed or names a block that the task does not have.
     """
     text = " ".join(name.lower().split())
     if text in ("all close", "all apart"):
@@ -77,19 +77,19 @@ def _to_bits(space: "GoalSpace", on: Relations, close: Relations) -> np.ndarray:
 
 
 def _implied(on: Relations) -> Relations:
-    """Close pairs that need no mention: a block and its support, and the two supports of a pyramid's top."""
+    """Close pairs that a name omits: a block and its support, and the two supports of a pyramid's top."""
     implied = {(min(pair), max(pair)) for pair in on}
     return implied | {(supports[0], supports[1]) for _, supports in _supports(on) if len(supports) == 2}
 
 
 def _supports(on: Relations) -> Iterator[tuple[int, list[int]]]:
-    """Each block that lies on others, with those others."""
+    """Each block that lies on others, with the blocks below it."""
     for i in sorted({i for i, _ in on}):
         yield i, [j for h, j in sorted(on) if h == i]
 
 
 def _neighbours(close: Relations, on: Relations) -> Iterator[tuple[int, list[int]]]:
-    """Groups close pairs by a block: the one with most neighbours first, a loose block before a stacked one."""
+    """Groups close pairs by block: blocks with most neighbours first, and in ties unstacked blocks before stacked."""
     stacked = {i for pair in on for i in pair}
     left = set(close)
     while left:

@@ -1,12 +1,12 @@
-"""Semantic goals: which blocks are close, which lie on which, and which combinations can be built.
+"""Semantic goals: which blocks are close, which block lies on which, and which combinations can be built.
 
-A configuration of n blocks is described by bits, in the order of the paper's Eq. 1: first `close(i, j)` for every
-unordered pair, then, pair by pair, `on(i, j)` and `on(j, i)`. For three blocks:
+A configuration of n blocks is described by bits in the order of the paper's Eq. 1. First comes `close(i, j)` for every
+unordered pair, then `on(i, j)` and `on(j, i)`, pair by pair. For three blocks:
 c(ab) c(ac) c(bc) o(ab) o(ba) o(ac) o(ca) o(bc) o(cb).
 
-A *valid goal* is a bit vector that some aligned placement of the blocks produces; `placements.py` enumerates those.
-Bits are always addressed by name or through `GoalSpace.pairs`, never by a hand-written index: the public DECSTR code
-reads its on-bits in another order than its environment writes them, which turns pyramids into flat goals.
+A *valid goal* is a bit vector that some aligned placement of the blocks produces. `placements.py` enumerates them.
+Bits are always addressed by name or through `GoalSpace.pairs`, never by a hard-coded index. The public DECSTR code
+reads its on-bits in another order than its environment writes them, and so turns pyramids into flat goals.
 """
 
 import difflib
@@ -25,14 +25,14 @@ from curiobench.tasks.placements import enumerate_configurations
 CLOSE_DISTANCE = 0.09
 """Blocks whose centres are at most this far apart are close (metres)."""
 ON_HORIZONTAL = 0.05
-"""A block on another is displaced horizontally by less than this (metres)."""
+"""The horizontal distance between a block and the block that it lies on is less than this (metres)."""
 ON_VERTICAL = (0.03, 0.06)
-"""A block on another is higher by more than the first and less than the second (metres)."""
+"""The height difference between a block and the block that it lies on is between these two (metres)."""
 
 MIN_BLOCKS, MAX_BLOCKS = 2, 5
 
 Keeps = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Which goals are a task's, `(G,)` bool, of those with bits `(G, n_bits)` and layers `(G,)`."""
+"""Selects the goals of a task: returns `(G,)` bool for goals with bits `(G, n_bits)` and layers `(G,)`."""
 
 
 def predicates(positions: np.ndarray) -> np.ndarray:
@@ -66,7 +66,7 @@ def _pair_indices(n_blocks: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class BlockPair:
-    """Where the predicates of one unordered pair of blocks `i < j` stand in a goal vector."""
+    """Indices of the predicates of one unordered pair of blocks `i < j` in a goal vector."""
 
     i: int
     j: int
@@ -123,18 +123,18 @@ class GoalSpace:
         return len(self.goals)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return goal_space, (self.n_blocks, self._keeps)  # copies and pickles are the one goal space of their process
+        return goal_space, (self.n_blocks, self._keeps)  # copying and unpickling return the process's cached object
 
     @cached_property
     def _index(self) -> dict[bytes, int]:
         return {bits.astype(bool).tobytes(): g for g, bits in enumerate(self.goals)}
 
     def index(self, bits: np.ndarray) -> int:
-        """Position of one bit vector `(n_bits,)` in `goals`; -1 where it is no valid goal."""
+        """Position of one bit vector `(n_bits,)` in `goals`; -1 if it is not a valid goal."""
         return self._index.get(np.asarray(bits).astype(bool).tobytes(), -1)
 
     def indices(self, bits: np.ndarray) -> np.ndarray:
-        """Positions of many bit vectors `(..., n_bits)` in `goals`, -1 for those that are no valid goal."""
+        """Positions of many bit vectors `(..., n_bits)` in `goals`; -1 for those that are not valid goals."""
         return self._table.indices(bits)
 
     @cached_property
@@ -143,7 +143,7 @@ class GoalSpace:
 
     @property
     def on_bits(self) -> np.ndarray:
-        """`(n_bits,)` bool, which bits say that a block lies on another."""
+        """`(n_bits,)` bool, True for the bits that say that a block lies on another."""
         return np.array([name.startswith("o") for name in self.bit_names])
 
     def bit_string(self, bits: np.ndarray) -> str:
@@ -156,7 +156,7 @@ class GoalSpace:
         In a name, blocks that are not mentioned are apart: "a on b" and "a on b, c apart" are the same goal.
 
         Raises:
-          ValueError: the name is not understood, the length is wrong, or no placement of blocks produces the goal.
+          ValueError: the name cannot be parsed, the length is wrong, or no placement of blocks produces the goal.
         """
         if isinstance(goal, str):
             is_bit_string = bool(goal) and set(goal) <= {"0", "1"}
@@ -198,7 +198,7 @@ class GoalTable:
     """Finds bit vectors in a list of goals, many at once."""
 
     def __init__(self, goals: np.ndarray):
-        """Takes `(G, n_bits)` goals of zeros and ones, all different, at most 62 bits each."""
+        """Builds the table for `(G, n_bits)` distinct goals of zeros and ones, at most 62 bits each."""
         self._weights = 1 << np.arange(goals.shape[1], dtype=np.int64)
         codes = self._codes(goals)
         self._order = np.argsort(codes)
@@ -215,10 +215,10 @@ class GoalTable:
 
 
 def goal_space(n_blocks: int, keeps: Keeps | None = None) -> GoalSpace:
-    """The `GoalSpace` over `n_blocks` blocks (2 to 5), of all goals or of those that `keeps` chooses, computed once.
+    """The cached `GoalSpace` over `n_blocks` blocks (2 to 5), with all valid goals or those that `keeps` selects.
 
     Raises:
-      ValueError: any other number of blocks.
+      ValueError: the number of blocks is not 2 to 5.
     """
     if not MIN_BLOCKS <= n_blocks <= MAX_BLOCKS:
         raise ValueError(f"the number of blocks is {MIN_BLOCKS} to {MAX_BLOCKS}, got {n_blocks}")

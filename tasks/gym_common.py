@@ -1,4 +1,4 @@
-"""What the single and the vector environment share: spaces, options of an episode, goals, states and pictures."""
+"""Code shared by the single and the vector environment: spaces, reset options, goals, states and rendering."""
 
 import json
 from collections.abc import Mapping
@@ -40,18 +40,18 @@ def as_dict(seen: Observation) -> dict[str, np.ndarray]:
 
 
 def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> dict[str, np.ndarray]:
-    """Turns `options={"goal": …, "biased": …}` into arrays with an entry for each of N worlds.
+    """Turns `options={"goal": …, "biased": …}` into arrays with one entry per world.
 
     Args:
-      worlds: the worlds that they are for.
-      options: "goal" is what `GoalSpace.parse` understands, or N names or bit vectors, where None draws a goal.
-        "biased" is a bool or N of them.
+      worlds: the N worlds that the options apply to.
+      options: "goal" is one goal that `GoalSpace.parse` accepts, or a list of N names or bit vectors. A goal of None
+        is drawn at random. "biased" is a bool or N bools.
 
     Returns:
       "next_goal" `(N, n_bits)` float32, "next_goal_given" `(N,)` bool and "next_biased" `(N,)` bool.
 
     Raises:
-      ValueError: an unknown option or goal, or not N of them.
+      ValueError: an option or goal is unknown, or the length of a list is not N.
     """
     options = options or {}
     if unknown := set(options) - {"goal", "biased"}:
@@ -74,7 +74,7 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
 
 
 def _is_list_of_goals(goal: Any) -> bool:
-    """Whether it holds goals rather than the bits of one."""
+    """Whether `goal` is a list of goals rather than the bits of one goal."""
     listed = isinstance(goal, list | tuple) or (isinstance(goal, np.ndarray) and goal.ndim > 0)
     return listed and any(isinstance(entry, str) or not np.isscalar(entry) for entry in goal)
 
@@ -88,10 +88,10 @@ def start(worlds: BatchedStacking, options: dict[str, np.ndarray], which: np.nda
 
 
 class GoalWorlds:
-    """Goals, states, copies and pictures; the half of both environments that does not depend on how many worlds."""
+    """Goals, states, copies and rendering: the part of both environments that is the same for any number of worlds."""
 
     np_random: np.random.Generator
-    """Gymnasium's."""
+    """Gymnasium's random generator."""
 
     def _open(self, worlds: BatchedStacking, render_mode: str | None, height: int, width: int, camera: str) -> None:
         if render_mode not in (None, *METADATA["render_modes"]):
@@ -115,15 +115,15 @@ class GoalWorlds:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model, which all worlds share."""
+        """The compiled model that all worlds share."""
         return self._worlds.model
 
     def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
-        """Reward of a goal `(n_bits,)`, or rewards `(...)` of many `(..., n_bits)`."""
+        """Reward for goals `(n_bits,)`, or rewards `(...)` for goals `(..., n_bits)`."""
         return self._worlds.compute_reward(achieved_goal, desired_goal, info)
 
     def compute_terminated(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
-        """False for a goal `(n_bits,)`, or `(...)` of it for many: no goal ends an episode."""
+        """False for goals `(n_bits,)`, or `(...)` False for goals `(..., n_bits)`: no goal ends an episode."""
         return np.zeros(np.broadcast_shapes(np.shape(achieved_goal), np.shape(desired_goal))[:-1], bool)[()]
 
     def compute_truncated(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object) -> np.ndarray:
@@ -131,20 +131,20 @@ class GoalWorlds:
         return self.compute_terminated(achieved_goal, desired_goal, info)
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """All that later steps and episodes depend on, for `set_state` or `np.savez`.
+        """Everything that later steps and episodes depend on, for `set_state` or `np.savez`.
 
-        Arrays have an entry for each of N worlds, also where N is 1. "state" `(N, 1 + nq + nv)` float64 holds MuJoCo's
-        time, positions and velocities; "rng" is text.
+        Arrays of worlds have N entries, also when N is 1. "state" `(N, 1 + nq + nv)` float64 holds MuJoCo's time,
+        positions and velocities. "rng" is text.
         """
         kept = self._worlds.state_dict()
         kept["rng"] = json.dumps(kept["rng"], default=np.ndarray.tolist)
         return {name: np.array(value) for name, value in {**kept, **self._options}.items()}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Goes on where `get_state` was called, in this or an equal environment; returns the observation there.
+        """Restores what `get_state` returned, in this or an equal environment, and returns the observation.
 
         Raises:
-          ValueError: the state of another kind of environment, or one with a bad number; nothing has changed then.
+          ValueError: the state is of another kind of environment or not valid. The environment is then unchanged.
         """
         shapes = {name: array.shape for name, array in self.get_state().items()}
         given = {name: np.shape(state[name]) for name in state}
@@ -153,8 +153,8 @@ class GoalWorlds:
         if not np.isfinite(state["state"]).all():
             raise ValueError("the state holds a number that is not finite")
         rng = json.loads(str(state["rng"]))
-        type(self.np_random.bit_generator)().state = rng  # refuses what is no state of this kind of generator
-        self._worlds.pursue(state["desired_goal"])  # refuses goals that are not valid
+        type(self.np_random.bit_generator)().state = rng  # raises unless it is a state of this kind of generator
+        self._worlds.pursue(state["desired_goal"])  # raises unless the goals are valid
         self._worlds.rng = self.np_random
         self._worlds.load_state_dict({**state, "rng": rng})
         self._options = {name: np.array(state[name]) for name in self._options}
@@ -164,7 +164,7 @@ class GoalWorlds:
         return as_dict(seen)
 
     def __getstate__(self) -> dict[str, Any]:
-        """For pickle and deepcopy: OpenGL contexts stay behind, and a copy opens its own."""
+        """For pickle and deepcopy: without the renderer and `data`, which a copy creates when it needs them."""
         return vars(self) | {"_renderer": None, "_data": None}
 
     def _pictures(self) -> tuple[np.ndarray, ...] | None:

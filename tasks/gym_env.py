@@ -24,10 +24,10 @@ from curiobench.tasks.scene import CAMERA
 class SemanticStackEnv(GoalWorlds, gym.Env):
     """`gymnasium.make("curiobench/SemanticStack3-v0", robot="gripper")`.
 
-    Observations are dicts of "observation", "achieved_goal" and "desired_goal". Reward is 1 after each step in which
-    the goal holds. `reset(options={"goal": "a on b", "biased": True})` fixes the goal and the kind of start of one
-    episode. Episodes go on for ever here; `gymnasium.make` truncates them after the task's horizon
-    or `max_episode_steps`.
+    Observations are dicts of "observation", "achieved_goal" and "desired_goal". The reward is 1 for each step after
+    which the goal holds, else 0. `reset(options={"goal": "a on b", "biased": True})` sets the goal and the kind of
+    start of one episode. This class never ends an episode. `gymnasium.make` adds a `TimeLimit` wrapper, which truncates
+    episodes after the task's horizon or `max_episode_steps`.
     """
 
     metadata = METADATA
@@ -44,14 +44,14 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
         """Compiles the task.
 
         Args:
-          task: a task's name, one of `TASKS`.
+          task: name of the task, one of `TASKS`.
           robot: "gripper" or "fetch".
           render_mode: None or "rgb_array".
-          width, height: of a picture, in pixels.
-          camera_name: the camera of the pictures, one of the model's.
+          width, height: size of a rendered image, in pixels.
+          camera_name: name of one of the model's cameras.
 
         Raises:
-          ValueError: an unknown task, robot, render mode or camera, or a size out of range.
+          ValueError: the task, robot, render mode or camera is unknown, or a size is out of range.
         """
         self._open(BatchedStacking(task, 1, robot), render_mode, height, width, camera_name)
         self.observation_space = observation_space(self._worlds)
@@ -59,10 +59,10 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
 
     @property
     def data(self) -> mujoco.MjData:
-        """The world as MuJoCo's data, which follows the world from its first use on; writing to it moves nothing.
+        """A copy of the world as `MjData`, updated after every reset and step. Writing to it does not move the world.
 
-        It holds what depends on positions and velocities, and the seconds since the reset. Controls, forces and
-        accelerations are not those of the last step.
+        It holds the positions, the velocities, what MuJoCo computes from them, and the seconds since the reset.
+        Controls, forces and accelerations are not those of the last step.
         """
         if self._data is None:
             self._data = mujoco.MjData(self.model)
@@ -77,7 +77,7 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Starts an episode; see the class for `options`."""
+        """Starts an episode. The class docstring describes `options`."""
         arrays = read_options(self._worlds, options)
         super().reset(seed=seed)
         self._worlds.rng = self.np_random
@@ -98,7 +98,7 @@ class SemanticStackEnv(GoalWorlds, gym.Env):
         return {"is_success": bool(reward[0] > 0), "diverged": diverged}
 
     def render(self) -> np.ndarray | None:
-        """A picture `(height, width, 3)` uint8; None without render mode."""
+        """An image `(height, width, 3)` uint8; None without render mode."""
         pictures = self._pictures()
         return None if pictures is None else pictures[0]
 

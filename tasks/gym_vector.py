@@ -25,15 +25,17 @@ from curiobench.tasks.scene import CAMERA
 class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
     """N worlds stepped together; `gymnasium.make_vec("curiobench/SemanticStack3-v0", num_envs=64)`.
 
-    Episodes are truncated after the task's horizon. Then, in the autoreset mode
+    Episodes are truncated after the task's horizon. What starts the next episode depends on the autoreset mode:
 
-    - NEXT_STEP, the next step starts new ones instead of carrying out the action;
-    - SAME_STEP, the same step does, and `info["final_obs"]` `(N,)` and `info["final_info"]` tell of the old end;
-    - DISABLED, `reset` has to, with `options["reset_mask"]` `(N,)` for some of the worlds.
+    - NEXT_STEP: the next step starts it and ignores the action.
+    - SAME_STEP: the step that ends an episode also starts the next. `info["final_obs"]` `(N,)` and
+      `info["final_info"]` hold the last observation and info of the old one.
+    - DISABLED: the caller does, with `reset`. `options["reset_mask"]` `(N,)` selects the worlds to reset.
 
-    Options are those of the single environment, or N of each. Episodes that start by themselves have the options of
-    their world's last `reset`. `info["is_success"]` `(N,)` tells where the goal holds, `info["diverged"]` where the
-    physics had to be reset, and `info["_is_success"]` … for which worlds the entry is meant.
+    Reset options are those of the single environment; each may also be a list of N. Autoresets use the options of the
+    last `reset` of their world. `info["is_success"]` `(N,)` says where the goal holds. `info["diverged"]` `(N,)` says
+    where the physics diverged and was reset. `info["_is_success"]` and `info["_diverged"]` `(N,)` mark the worlds for
+    which the entry is valid, as usual in Gymnasium.
     """
 
     metadata = METADATA | {"autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -55,17 +57,17 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
 
         Args:
           num_envs: number of worlds.
-          task: a task's name, one of `TASKS`.
+          task: name of the task, one of `TASKS`.
           robot: "gripper" or "fetch".
-          n_threads: threads that step the worlds.
+          n_threads: number of threads that step the worlds.
           render_mode: None or "rgb_array".
-          autoreset_mode: when a world that has ended starts anew; an `AutoresetMode` or its value.
-          max_episode_steps: actions per episode; the task's horizon if None, no end if -1.
-          width, height: of a picture, in pixels.
-          camera_name: the camera of the pictures, one of the model's.
+          autoreset_mode: when a new episode follows a truncated one; an `AutoresetMode` or its value.
+          max_episode_steps: actions per episode; the task's horizon if None, unlimited if -1.
+          width, height: size of a rendered image, in pixels.
+          camera_name: name of one of the model's cameras.
 
         Raises:
-          ValueError: an unknown task, robot, render mode, autoreset mode or camera, or a number out of range.
+          ValueError: the task, robot, render mode, autoreset mode or camera is unknown, or a number is out of range.
         """
         self.metadata = METADATA | {"autoreset_mode": _autoreset_mode(autoreset_mode)}
         self._limit = _limit(max_episode_steps, task_spec(task).horizon)
@@ -83,7 +85,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         """Starts new episodes in all worlds, or in those of `options["reset_mask"]` `(N,)` bool.
 
         Raises:
-          ValueError: an unknown option or goal, or a mask that is none; nothing has changed then.
+          ValueError: an option or goal is unknown, or the mask is not valid. No world is reset then.
         """
         options = dict(options or {})
         which = self._mask(options.pop("reset_mask", True))
@@ -96,7 +98,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         return as_dict(seen), self._info(seen, np.zeros(self.num_envs, bool), which)
 
     def _mask(self, mask: object) -> np.ndarray:
-        """`(N,)` bool of `mask`, where True alone means all worlds."""
+        """`mask` as `(N,)` bool; True selects all worlds."""
         which = np.full(self.num_envs, True) if mask is True else np.asarray(mask)
         if which.shape != (self.num_envs,) or which.dtype != bool or not which.any():
             raise ValueError(f"reset_mask is {self.num_envs} bools, at least one of them True, got {mask!r}")
@@ -108,8 +110,8 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         """Carries out actions `(N, 4)`.
 
         Raises:
-          ValueError: actions of a wrong shape, not finite or out of range.
-          ResetNeeded: with autoreset disabled, an episode has ended.
+          ValueError: the actions have a wrong shape, are not finite or are out of range.
+          ResetNeeded: autoreset is disabled and an episode has ended.
         """
         mode, ended = self.metadata["autoreset_mode"], self._ended
         if mode == AutoresetMode.DISABLED and ended.any():
@@ -118,7 +120,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         diverged, final = self._worlds.diverged, {}
         reward[ended] = 0
         truncated = self._ended & ~ended
-        over = truncated if mode == AutoresetMode.SAME_STEP else ended  # these start anew in this step
+        over = truncated if mode == AutoresetMode.SAME_STEP else ended  # these are reset in this step
         if over.any():
             final = self._final(seen, diverged, over) if mode == AutoresetMode.SAME_STEP else {}
             seen = start(self._worlds, self._options, over)
@@ -130,13 +132,13 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         return self._worlds.step_counts >= self._limit
 
     def _info(self, seen: Observation, diverged: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
-        """What the worlds `which` `(N,)` bool have to tell, as Gymnasium writes it: False elsewhere."""
+        """The info dict of the worlds `which` `(N,)` bool in Gymnasium's vector format; False for the other worlds."""
         success = self._worlds.compute_reward(seen.achieved_goal, seen.desired_goal) > 0
         info = {"is_success": success & which, "diverged": diverged & which}
         return info | {f"_{name}": which.copy() for name in info}
 
     def _final(self, seen: Observation, diverged: np.ndarray, ended: np.ndarray) -> dict[str, Any]:
-        """The last observations `(N,)` of the worlds that have ended, None elsewhere, and their infos."""
+        """The last observations and infos of the worlds `ended`; observations `(N,)` are None for the other worlds."""
         observations = np.full(self.num_envs, None, object)
         for world in np.flatnonzero(ended):
             observations[world] = {name: array[world] for name, array in as_dict(seen).items()}
@@ -144,7 +146,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         return final | {f"_{name}": ended.copy() for name in final}
 
     def render(self) -> tuple[np.ndarray, ...] | None:
-        """One picture `(height, width, 3)` uint8 for each world; None without render mode."""
+        """One image `(height, width, 3)` uint8 per world; None without render mode."""
         return self._pictures()
 
     def close_extras(self, **kwargs: Any) -> None:

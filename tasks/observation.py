@@ -1,7 +1,7 @@
-"""What an agent sees: the paper's state vector, the same for every robot, computed for any number of worlds at once.
+"""The observation: the paper's state vector, the same for every robot, computed for any number of worlds at once.
 
-Lengths in metres, angles in radians, world frame. Velocities are per control step: SI values times 0.04 s.
-Imports no MuJoCo.
+Lengths are in metres, angles in radians, in the world frame. Velocities are per control step: SI values times 0.04 s.
+This module does not import MuJoCo.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ BODY_PARTS = {
     "grip_velocity": slice(5, 8),
     "finger_velocities": slice(8, 10),
 }
-"""Where each part of the hand's state stands in an observation."""
+"""Slices of an observation that hold the parts of the hand's state."""
 BLOCK_PARTS = {
     "position": slice(0, 3),
     "relative_position": slice(3, 6),
@@ -25,37 +25,37 @@ BLOCK_PARTS = {
     "relative_velocity": slice(9, 12),
     "angular_velocity": slice(12, 15),
 }
-"""Where each part of a block's state stands after the block's start, which is `10 + 15 i` for block i."""
+"""Slices that hold the parts of a block's state, relative to the block's first entry, `10 + 15 i` for block i."""
 
 
 @dataclass(frozen=True)
 class HandState:
-    """What both robots know of their hand, for N worlds at once; metres and metres a second, world frame."""
+    """State of the hand in N worlds, in metres and metres per second, in the world frame."""
 
     grip_position: np.ndarray
     """`(N, 3)`"""
     grip_velocity: np.ndarray
     """`(N, 3)`"""
     finger_positions: np.ndarray
-    """`(N, 2)`, right and left; the opening between them is their sum plus 1.8 mm."""
+    """`(N, 2)`, right and left. The opening between the fingers is their sum plus 1.8 mm."""
     finger_velocities: np.ndarray
     """`(N, 2)`"""
     target_origin: np.ndarray
-    """`(N, k)`: the present pose from which an action displaces the hand's target, in the robot's own terms."""
+    """`(N, k)` current pose to which an action adds a displacement; its format depends on the robot."""
 
 
 @dataclass(frozen=True)
 class BlockStates:
-    """Free-joint states of n blocks in N worlds, as MuJoCo keeps them."""
+    """Free-joint states of n blocks in N worlds, in MuJoCo's conventions."""
 
     positions: np.ndarray
     """`(N, n, 3)` centres."""
     quaternions: np.ndarray
     """`(N, n, 4)` orientations (w, x, y, z)."""
     velocities: np.ndarray
-    """`(N, n, 3)` metres a second."""
+    """`(N, n, 3)` metres per second."""
     angular_velocities: np.ndarray
-    """`(N, n, 3)` radians a second, in each block's own frame."""
+    """`(N, n, 3)` radians per second, in each block's own frame."""
 
 
 def observation_size(n_blocks: int) -> int:
@@ -95,9 +95,10 @@ def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
 
 
 def euler_angles(rotation: np.ndarray) -> np.ndarray:
-    """Angles `(..., 3)` about x, y and z of rotation matrices `(..., 3, 3)`, the convention of gym's `mat2euler`.
+    """Angles `(..., 3)` about x, y and z of rotation matrices `(..., 3, 3)`, in the convention of gym's `mat2euler`.
 
-    The matrix is R_x(a) R_y(b) R_z(c); where b is ±90° (gimbal lock) only c - a or c + a is defined, and a is 0.
+    The matrix is R_x(a) R_y(b) R_z(c). Where b is ±90° (gimbal lock), only c - a or c + a is defined, and a is set
+    to 0.
     """
     cos_y = np.hypot(rotation[..., 2, 2], rotation[..., 1, 2])
     regular = cos_y > 4 * np.finfo(np.float64).eps

@@ -1,4 +1,7 @@
-"""Which OpenGL MuJoCo and dm_control are told to load, so that worlds step where there is none. Imports neither."""
+"""Choice of the OpenGL backend for MuJoCo and dm_control, so that worlds also step on machines without OpenGL.
+
+This module imports neither of the two packages.
+"""
 
 import ctypes
 import os
@@ -7,15 +10,16 @@ import sys
 _NEED_NO_LIBRARY = ("glfw", "on", "enable", "enabled", "true", "1", "off", "disable", "disabled", "false", "0")
 """Values of MUJOCO_GL with which both packages can be imported on any machine."""
 _wish = ""
-"""What MUJOCO_GL said before `choose`."""
+"""The value of MUJOCO_GL before `choose`."""
 
 
 def choose() -> None:
-    """Sets the environment variable MUJOCO_GL to what can be loaded; on Linux only.
+    """Sets the environment variable MUJOCO_GL to a backend that can be loaded, on Linux only.
 
-    MuJoCo and dm_control read it when they are imported, and stop there if a library is missing. Without a screen and
-    without a wish of the user it becomes "egl" or, where that is missing, "osmesa". A wish that cannot be met becomes
-    "disabled", too: then worlds step, and pictures fail with `no_opengl`.
+    MuJoCo and dm_control read it when they are imported, and their import fails if a library is missing. Without a
+    screen and without a value set by the user it becomes "egl" or, if EGL is missing, "osmesa". If neither can be
+    loaded, or the backend that the user set cannot, it becomes "disabled". Worlds then step, and rendering raises an
+    error with the text of `no_opengl`.
     """
     global _wish
     _wish = os.environ.get("MUJOCO_GL", "").strip().lower()
@@ -26,7 +30,7 @@ def choose() -> None:
 
 
 def no_opengl() -> str:
-    """Why there are no pictures, and what to install; one line."""
+    """One line that says why rendering fails and what to install."""
     settings = {"MUJOCO_GL": _wish, "PYOPENGL_PLATFORM": os.environ.get("PYOPENGL_PLATFORM")}
     with_what = " and ".join(f"{name}={value}" for name, value in settings.items() if value)
     return (
@@ -37,7 +41,7 @@ def no_opengl() -> str:
 
 def _loads(name: str) -> bool:
     if os.environ.get("PYOPENGL_PLATFORM") not in (None, "", name):
-        return False  # both packages refuse it
+        return False  # both packages raise an error
     try:
         if name == "egl":
             return _egl_devices() > 0
@@ -54,7 +58,10 @@ def _exists(library: str) -> bool:
 
 
 def _egl_devices() -> int:
-    """Number of devices that EGL can draw on without a screen; OSError without EGL, ValueError if it cannot tell."""
+    """Number of devices on which EGL can render without a screen.
+
+    Raises OSError without EGL, ValueError if EGL cannot list its devices.
+    """
     address = ctypes.CDLL("libEGL.so.1").eglGetProcAddress
     address.restype, address.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
     kind = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int))

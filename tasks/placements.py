@@ -1,10 +1,10 @@
-"""Which configurations can be built: aligned placements of blocks, enumerated by geometry.
+"""Enumeration of the configurations that can be built, by aligned placements of blocks.
 
-In an aligned placement every block stands on the table, centred on one block, or centred on the midpoint of two close
-blocks of equal height (a pyramid); blocks are not turned, and no two blocks of one layer overlap. Columns on the table
-are grown one by one on rings around the columns already there, so that the combinations of "touching", "near" and
-"far" that space allows are met. Play also meets other configurations (offset stacks, a held block): those are achieved
-but never desired.
+In an aligned placement every block lies on the table, centred on one block, or centred on the midpoint of two close
+blocks of equal height (a pyramid). Blocks are not rotated, and no two blocks of one layer overlap. Columns are added
+to the table one by one, on rings around the columns already there. This covers the combinations of "touching", "near"
+and "far" that are geometrically possible. Episodes also reach other configurations, such as offset stacks or a held
+block. These occur as achieved goals but never as desired goals.
 """
 
 import itertools
@@ -16,15 +16,15 @@ BLOCK_SIZE = 0.05
 """Edge of a block, in metres."""
 
 _RINGS = (0.0501, 0.055, 0.063, 0.073, 0.08, 0.089)
-"""Distances at which a column is tried beside another (metres): from contact to just within closeness."""
+"""Distances at which a column is placed beside another (metres): from contact to just below the closeness limit."""
 _ANGLES = np.deg2rad(np.arange(0, 360, 15))
 _OFFSETS = np.array([[r * np.cos(t), r * np.sin(t)] for r in _RINGS for t in _ANGLES])
 _FAR = 1.0
-"""Distance of a column that has nothing to do with the others (metres)."""
+"""Distance of a column that has no relation to the others (metres)."""
 _TOUCHING, _NEAR = 0.0748, 0.09
-"""Horizontal distances within which blocks of neighbouring layers, and of one layer, are close (metres)."""
+"""Horizontal distances up to which blocks of adjacent layers (first) and of one layer (second) are close (metres)."""
 _REPRESENTATIVES = 8
-"""Layouts kept of each kind while growing: layouts that look alike so far may differ in what still fits beside them."""
+"""Number of layouts kept per signature: layouts with equal signatures may differ in where further columns fit."""
 
 
 def enumerate_configurations(
@@ -37,7 +37,8 @@ def enumerate_configurations(
       predicates: maps positions `(..., n_blocks, 3)` in metres to bits `(..., n_bits)`.
 
     Returns:
-      `(n, n_bits)` float32 configurations, each once, and `(n,)` their layers (height of the tallest stack, in blocks).
+      `(n, n_bits)` float32 configurations without duplicates, and their layers `(n,)` (height of the tallest stack, in
+      blocks).
     """
     positions = np.array(list(_placements(n_blocks)))
     _, first = np.unique(predicates(positions), axis=0, return_index=True)
@@ -50,14 +51,14 @@ def enumerate_configurations(
 
 
 def _placements(n_blocks: int) -> Iterator[np.ndarray]:
-    """Yields positions `(n_blocks, 3)` in metres, height 0 for a block on the table; which block is which is open."""
+    """Yields positions `(n_blocks, 3)` in metres, height 0 for a block on the table, without names for the blocks."""
     for n_columns in range(1, n_blocks + 1):
         for columns in _column_layouts(n_columns, carries=n_columns < n_blocks):
             yield from _add_blocks_on_top(np.column_stack([columns, np.zeros(n_columns)]), n_blocks)
 
 
 def _column_layouts(n_columns: int, carries: bool) -> list[np.ndarray]:
-    """Layouts `(n_columns, 2)` of columns on the table, a few for each distinct relation among them."""
+    """Layouts `(n_columns, 2)` of columns on the table, a few per distinct signature (see `_relations`)."""
     layouts = [np.zeros((1, 2))]
     for _ in range(n_columns - 1):
         candidates = np.concatenate([_with_one_more_column(layout) for layout in layouts])
@@ -81,10 +82,11 @@ def _with_one_more_column(columns: np.ndarray) -> np.ndarray:
 
 
 def _relations(layouts: np.ndarray, carries: bool) -> np.ndarray:
-    """Signature `(k, ·)` of layouts `(k, n, 2)`, the same however the columns are numbered.
+    """Signatures `(k, ·)` of layouts `(k, n, 2)`, independent of the order of the columns.
 
-    It tells how far columns are from each other and, where blocks will lie on them, from the pyramid tops they allow.
-    Layouts with equal signatures produce the same configurations but for the blocks' names.
+    A signature encodes classes of the distances between columns. If blocks will lie on the columns, it also encodes
+    which columns are close to which possible pyramid tops. Layouts with equal signatures produce the same
+    configurations up to a permutation of the blocks.
     """
     n = layouts.shape[1]
     first, second = np.triu_indices(n, k=1)
@@ -101,7 +103,7 @@ def _relations(layouts: np.ndarray, carries: bool) -> np.ndarray:
 
 
 def _canonical(relation: np.ndarray, extra: np.ndarray) -> np.ndarray:
-    """The smallest hash that `(k, n, n)` relations, with `(k, n, n, ·)` extras, get as columns are renumbered."""
+    """The smallest hash of `(k, n, n)` relations with `(k, n, n, ·)` extras over all permutations of the columns."""
     n = relation.shape[1]
     first, second = np.triu_indices(n, k=1)
     n_digits = len(first) * (1 + extra.shape[-1])
@@ -117,9 +119,9 @@ def _canonical(relation: np.ndarray, extra: np.ndarray) -> np.ndarray:
 
 
 def _add_blocks_on_top(blocks: np.ndarray, n_blocks: int) -> Iterator[np.ndarray]:
-    """Yields every completion of `blocks` `(k, 3)` to `n_blocks` by blocks that rest on one or two of them.
+    """Yields every completion of `blocks` `(k, 3)` to `n_blocks` by blocks that rest on one or two blocks.
 
-    Blocks are added layer by layer from below, so that one placement is met in few orders.
+    Blocks are added layer by layer from below, so that the same placement is produced in few orders.
     """
     if len(blocks) == n_blocks:
         yield blocks

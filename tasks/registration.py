@@ -1,4 +1,4 @@
-"""Which tasks exist, and their registration with Gymnasium. The one place to register a task. Imports no MuJoCo."""
+"""The list of tasks and their registration with Gymnasium. New tasks are added here. Does not import MuJoCo."""
 
 import difflib
 
@@ -16,23 +16,23 @@ _BY_NAME = {spec.name: spec for spec in _SPECS}
 TASKS = tuple(_BY_NAME)
 """Names of the tasks."""
 TASK_VERSION = 1
-"""Raised whenever worlds, goals, rewards or starts change such that results do; config.json of every run names it."""
+"""Incremented when a change of physics, goals, rewards or starts changes results. Stored in config.json of each run."""
 
 
 def task_spec(task: str) -> TaskSpec:
-    """The spec of a task; raises ValueError for an unknown one."""
+    """The spec of a task; raises ValueError if the task is unknown."""
     return _BY_NAME[check_name("task", task, tuple(_BY_NAME))]
 
 
 def check_robot(task: str, robot: str) -> None:
-    """Raises ValueError for an unknown task or robot, or a robot that the task may not be run with."""
+    """Raises ValueError if the task or robot is unknown, or the task does not support the robot."""
     spec = task_spec(task)
     check_name("robot", robot, ROBOTS)
     spec.check_robot(robot)
 
 
 def check_name(kind: str, name: str, legal: tuple[str, ...]) -> str:
-    """Returns `name` if it is one of `legal`; raises a ValueError that lists them, the nearest first, otherwise."""
+    """Returns `name` if it is in `legal`. Otherwise raises ValueError with the closest match and all legal names."""
     if name in legal:
         return name
     near = difflib.get_close_matches(str(name), legal, n=1)
@@ -41,7 +41,7 @@ def check_name(kind: str, name: str, legal: tuple[str, ...]) -> str:
 
 
 def register() -> None:
-    """Registers every task with Gymnasium; importing `curiobench` does it."""
+    """Registers every task with Gymnasium. Called when `curiobench` is imported."""
     for spec in _SPECS:
         gymnasium.register(
             id=spec.gym_id,

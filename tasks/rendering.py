@@ -1,4 +1,4 @@
-"""Pictures of a world, without a screen."""
+"""Off-screen rendering of a world."""
 
 import mujoco
 import numpy as np
@@ -11,9 +11,9 @@ HEIGHT, WIDTH = 480, 640
 
 
 class WorldRenderer:
-    """Draws states of one compiled model; close it when done.
+    """Renders states of one compiled model. Call `close` when done.
 
-    Needs a working OpenGL: EGL or OSMesa without a screen (environment variable MUJOCO_GL).
+    It needs a working OpenGL. Without a screen that is EGL or OSMesa (environment variable MUJOCO_GL).
     """
 
     def __init__(self, model: mujoco.MjModel, height: int = HEIGHT, width: int = WIDTH, camera: str = CAMERA):
@@ -21,23 +21,23 @@ class WorldRenderer:
 
         Args:
           model: the compiled model.
-          height: of a picture, in pixels.
-          width: of a picture, in pixels.
+          height: height of an image, in pixels.
+          width: width of an image, in pixels.
           camera: name of one of the model's cameras.
 
         Raises:
-          ValueError: an unknown camera, a size out of range, or no OpenGL.
+          ValueError: the camera is unknown, a size is out of range, or OpenGL does not work.
         """
         check_picture(model, height, width, camera)
         self._model, self._camera = model, camera
         self._data = mujoco.MjData(model)
         try:
             self._renderer = mujoco.Renderer(model, height, width)
-        except Exception as error:  # every backend fails with an error of its own
+        except Exception as error:  # every backend raises a different type of error
             raise ValueError(no_opengl()) from error
 
     def render(self, qpos: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)` uint8 of a world at positions `(nq,)`."""
+        """The image `(height, width, 3)` uint8 of a world at positions `(nq,)`."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
@@ -46,12 +46,12 @@ class WorldRenderer:
         return self._renderer.render()
 
     def close(self) -> None:
-        """Frees the OpenGL context; without it some drivers complain when the interpreter ends."""
+        """Frees the OpenGL context. Without this call some drivers print errors when the interpreter exits."""
         self._renderer.close()
 
 
 def check_picture(model: mujoco.MjModel, height: int, width: int, camera: str) -> None:
-    """Raises ValueError for an unknown camera, or a size in pixels that the model's buffer cannot take."""
+    """Raises ValueError if the camera is unknown, or the image does not fit into the model's off-screen buffer."""
     check_name("camera", camera, tuple(model.camera(index).name for index in range(model.ncam)))
     limits = model.vis.global_
     for name, size, limit in (("height", height, limits.offheight), ("width", width, limits.offwidth)):

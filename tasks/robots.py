@@ -1,10 +1,11 @@
-"""The robots: one action and one observation layout, two bodies.
+"""The two robots, which share one action layout and one observation layout.
 
-`FreeGripper` (here) is a pair of fingers on a hand that slides freely in space; `FetchArm` (fetch.py) is the paper's
-seven-joint arm. Both take the same four numbers and answer with the same ten, so that a policy moves from one to the
-other. Lengths in metres, masses in kilograms, forces in newtons.
+`FreeGripper` (here) is a pair of fingers on a hand that slides freely in space. `FetchArm` (fetch.py) is the paper's
+seven-joint arm. Both have four actions and ten entries of the observation, so that a policy can be transferred from one
+to the other. Lengths are in metres, masses in kilograms, forces in newtons.
 
-Action, each in [-1, 1]: hand displacement (x, y, z) in units of `HAND_STEP`, and finger displacement (positive opens).
+An action has four numbers in [-1, 1]: hand displacement (x, y, z) in units of `HAND_STEP`, and finger displacement
+(positive opens).
 """
 
 import abc
@@ -19,13 +20,13 @@ from curiobench.tasks.observation import CONTROL_TIMESTEP, HandState
 HAND_STEP = 0.05
 """Displacement of the hand's target at |action| = 1 (metres)."""
 FINGER_TARGET_LIMIT = 0.2
-"""Upper end of the finger servos' control range (metres); the lower is 0."""
+"""Upper end of the finger servos' control range (metres). The lower end is 0."""
 HAND_ROTATION = (1.0, 0.0, 1.0, 0.0)
 """Orientation of the hand (w, x, y, z, not normalised): its x axis points down, its y axis along world y."""
 GRIP_IN_HAND = (0.02, 0.0, 0.0)
 """The grip site, between the finger tips, in the hand's frame."""
 GRIP_START = (1.3419, 0.7491, 0.5347)
-"""Where the grip site is when an episode starts (measured on the arm)."""
+"""Position of the grip site when an episode starts (measured on the arm)."""
 
 _FINGER_KP = 30_000.0
 _FINGER_JOINT = dict(type="slide", armature=100, damping=1000, limited=True, range=(0, 0.05),
@@ -36,7 +37,7 @@ _PALE = (0.93, 0.93, 0.94, 1.0)
 
 
 class Hand(abc.ABC):
-    """A robot's hand in one compiled model: reads its state and turns actions into commands, for N worlds at once."""
+    """A robot's hand in one compiled model. Reads the hand's state and turns actions into commands, for N worlds."""
 
     control_spec: int
     """Which parts of MuJoCo's state (`mjtState`) a command sets."""
@@ -51,11 +52,11 @@ class Hand(abc.ABC):
 
     @abc.abstractmethod
     def command(self, state: HandState, action: np.ndarray) -> np.ndarray:
-        """What to write into the state's `control_spec` parts, `(N, k)`, to carry out actions `(N, 4)`."""
+        """Values `(N, k)` for the `control_spec` parts of the state that carry out actions `(N, 4)`."""
 
 
 class Robot(composer.Entity, abc.ABC):
-    """A hand with two fingers that a task installs in its arena and drives by commands."""
+    """A hand with two fingers. A task attaches it to its arena and controls it by commands."""
 
     timestep: float
     """Physics time step (seconds)."""
@@ -67,7 +68,7 @@ class Robot(composer.Entity, abc.ABC):
 
     @abc.abstractmethod
     def install(self, arena: composer.Arena) -> None:
-        """Attaches the robot to `arena`; call once, before the model is compiled."""
+        """Attaches the robot to `arena`. Call it once, before the model is compiled."""
 
     @abc.abstractmethod
     def bind(self, model: mujoco.MjModel) -> Hand:
@@ -75,13 +76,13 @@ class Robot(composer.Entity, abc.ABC):
 
     @abc.abstractmethod
     def start_configuration(self, model: mujoco.MjModel) -> np.ndarray:
-        """Positions `(nq,)` with the hand at rest at `GRIP_START`, fingers closed, the rest as in `model.qpos0`."""
+        """Positions `(nq,)`: the hand at rest at `GRIP_START`, fingers closed, the others as in `model.qpos0`."""
 
 
 def finger_targets(finger_positions: np.ndarray, action: np.ndarray) -> np.ndarray:
-    """Servo targets `(N, 2)` in metres: the present positions moved by the fourth action, unscaled and clamped.
+    """Servo targets `(N, 2)` in metres: the current positions plus the fourth action, unscaled, clamped to the range.
 
-    A full action asks for a metre, so that in effect the sign opens or closes and the middle holds.
+    An action of 1 is a displacement of one metre. In effect, positive actions open, negative ones close and 0 holds.
     """
     return np.clip(finger_positions + action[:, 3:4], 0.0, FINGER_TARGET_LIMIT)
 
@@ -89,20 +90,20 @@ def finger_targets(finger_positions: np.ndarray, action: np.ndarray) -> np.ndarr
 class FreeGripper(Robot):
     """The arm's fingers on a free-floating hand that always points straight down.
 
-    Three slides carry the hand; servos pull it to its present position plus the action, as the arm's mocap weld does.
-    Stiffness, damping and the part of its weight that is left uncompensated are tuned to the arm's motion: see
-    docs/fidelity.md for how close they are.
+    The hand moves on three slide joints. Servos pull it to its current position plus the action, as the arm's mocap
+    weld does. Stiffness, damping and the uncompensated part of the hand's weight are tuned to the arm's motion.
+    docs/fidelity.md compares the two.
     """
 
     timestep = CONTROL_TIMESTEP / 7
 
     hand_mass = 10.0
     servo_stiffness = (32_500.0, 34_500.0, 34_500.0)
-    """Newtons a metre, along x, y and z."""
+    """Newtons per metre, along x, y and z."""
     servo_damping = (1_385.0, 1_450.0, 1_435.0)
-    """Newton seconds a metre."""
+    """Newton seconds per metre, along x, y and z."""
     uncompensated_weight = 0.8
-    """Weight that the servos carry (kilograms of the hand's own): it makes an idle hand sag as the arm's does."""
+    """Part of the hand's mass that the servos carry (kilograms). It makes an idle hand sag as the arm's does."""
 
     def _build(self) -> None:
         self._mjcf_model = root = mjcf.RootElement(model="robot")
@@ -112,7 +113,7 @@ class FreeGripper(Robot):
             mount.add("joint", name=f"hand_{axis}", type="slide", axis=direction)
         hand = mount.add("body", name="hand", quat=HAND_ROTATION,
                          gravcomp=1 - self.uncompensated_weight / self.hand_mass)  # fmt: skip
-        # a box around the arm's gripper link, which is what blocks can bump into
+        # a box around the arm's gripper link, which blocks can collide with
         hand.add("geom", name="palm", type="box", pos=(-0.093, 0, 0), size=(0.061, 0.063, 0.04), mass=self.hand_mass,
                  rgba=_PALE, **_CONTACT)  # fmt: skip
         hand.add("site", name="grip", pos=GRIP_IN_HAND, size=(0.005,), rgba=(0, 0, 0, 0))
@@ -175,7 +176,7 @@ def add_finger(hand: mjcf.Element, side_name: str, side: int) -> mjcf.Element:
 
 
 def add_finger_servos(root: mjcf.RootElement, joints: Iterable[mjcf.Element]) -> None:
-    """Adds the position servo of each finger joint to the robot's model, in their order."""
+    """Adds a position servo for each finger joint to the robot's model, in the order of `joints`."""
     for joint in joints:
         root.actuator.add("position", name=joint.name, joint=joint, kp=_FINGER_KP,
                           ctrllimited=True, ctrlrange=(0, FINGER_TARGET_LIMIT))  # fmt: skip

@@ -1,4 +1,4 @@
-"""The table and the blocks, as composer entities. Lengths in metres, masses in kilograms."""
+"""The table and the blocks as composer entities. Lengths are in metres, masses in kilograms."""
 
 from dm_control import composer, mjcf
 
@@ -22,11 +22,11 @@ BLOCK_COLOURS = (
 """Red, green and blue as in the paper; yellow and purple for a fourth and a fifth block."""
 
 CAMERA = "overview"
-"""Name of the camera that rendering uses unless told otherwise."""
+"""Name of the default camera for rendering."""
 
 
 class TableArena(composer.Arena):
-    """A table on a floor, with the lights and the camera that pictures are taken with."""
+    """A table on a floor, with the lights and the camera for rendering."""
 
     def _build(self, name: str = "arena") -> None:
         super()._build(name=name)
@@ -40,7 +40,7 @@ class TableArena(composer.Arena):
             "texture", name="sky", type="skybox", builtin="gradient",
             rgb1=(0.93, 0.95, 0.97), rgb2=(0.78, 0.82, 0.87), width=256, height=256,
         )  # fmt: skip
-        # a spot light: the shadows of a directional one are spread over the whole floor and get grainy
+        # a spot light, because the shadow map of a directional light covers the entire floor and gets grainy
         root.worldbody.add("light", pos=(0.7, 0.1, 2.4), dir=(0.6, 0.65, -2.0), diffuse=(0.55, 0.55, 0.55),
                            specular=(0.1, 0.1, 0.1), cutoff=50, exponent=1, castshadow=True)  # fmt: skip
         root.worldbody.add("camera", name=CAMERA, pos=(1.98, 0.20, 0.98), xyaxes=(0.6, 0.8, 0, -0.46, 0.345, 0.818),
@@ -52,7 +52,7 @@ class TableArena(composer.Arena):
 
 
 class Block(composer.Entity):
-    """One free cube; its friction, contact and inertia are MuJoCo's defaults for a box of its mass."""
+    """One free cube. Its friction, contact and inertia are MuJoCo's defaults for a box of its mass."""
 
     def _build(self, index: int) -> None:
         """Builds block number `index`: 0 is a, 1 is b, …"""

@@ -1,8 +1,8 @@
-"""Scripted controllers: they see an agent's observation and act through its four numbers, for N worlds at once.
+"""Scripted controllers, which use the observation and the actions of an agent, for N worlds at once.
 
-A script is a list of stages that each world walks through at its own pace. In a stage the grip site heads for a target
-and the fingers for an opening, until the target is reached or the stage's time is up. Scripts assume upright blocks
-that lie square to the table, as they do in plain starts.
+A script is a list of stages. Each world goes through them at its own pace. In a stage the grip site moves to a target
+and the fingers to an opening, until the target is reached or the stage times out. Scripts assume blocks that are
+upright and aligned with the table, as in plain starts.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,23 +15,23 @@ from curiobench.tasks.placements import BLOCK_SIZE
 from curiobench.tasks.scene import BLOCK_REST_HEIGHT, TABLE_CENTRE, TABLE_HALF_SIZE
 
 _STEP_REACH = 0.031
-"""Distance that a full action covers from rest (metres)."""
+"""Distance that the hand moves in one step from rest with an action of 1 (metres)."""
 _TRAVEL_HEIGHT = 0.075
 """Height of the grip above a block's centre at which an empty hand passes over it (metres)."""
 _CLEARANCE = 0.012
 """Gap between a carried block and a block that it passes over (metres)."""
 _BACK = 0.04
-"""Distance from a block's centre at which closed fingers touch it, about (metres)."""
+"""Approximate distance from a block's centre at which closed fingers touch it (metres)."""
 _REACH = 1.49
 """The arm gets slow beyond this x (metres)."""
 _OPEN, _SHUT = 0.03, -1.0
-"""Finger positions that a stage asks for (metres): wide enough for a block, and squeezing whatever is there."""
+"""Finger positions of a stage (metres): wide enough for a block, and closed on what is between the fingers."""
 _FINGER_GAIN, _FINGER_DAMPING = 2.0, 3.3
-"""How a position error, and a velocity per step, of the fingers becomes an action."""
+"""Gains from the fingers' position error, and from their velocity per step, to the action."""
 
 
 class ObservationParts:
-    """The parts of N observations by name; `block` numbers count from 0."""
+    """The parts of N observations by name. Block numbers start at 0."""
 
     def __init__(self, observation: np.ndarray):
         self._observation = observation
@@ -45,34 +45,38 @@ class ObservationParts:
 
 
 Target = Callable[[ObservationParts], np.ndarray]
-"""Where the grip should be, `(N, 3)` metres."""
+"""Computes the target position of the grip, `(N, 3)` metres."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One leg of a script."""
+    """One stage of a script.
+
+    It ends when every coordinate is within `tolerance` of the target and at least `min_steps` steps were made in it,
+    or after `max_steps` steps.
+    """
 
     target: Target
     fingers: float
-    """Finger position to hold (metres); negative squeezes."""
+    """Finger position to hold (metres); a negative one closes the fingers with full force."""
     tolerance: float = 0.006
-    """The stage ends once every coordinate is this close to the target (metres)…"""
+    """Largest distance from the target in each coordinate (metres)."""
     min_steps: int = 0
-    """…and this many steps have been made in it,"""
+    """Least number of steps."""
     max_steps: int = 15
-    """or after this many steps in any case."""
+    """Largest number of steps."""
 
 
 class Script:
-    """Plays stages in N worlds; make a new one for new episodes."""
+    """Carries out stages in N worlds. Create a new one for new episodes."""
 
     def __init__(self, stages: Sequence[Stage]):
         self._stages = [*stages, Stage(lambda view: view.grip, _OPEN, tolerance=-1, max_steps=1 << 30)]
         self.stage: np.ndarray | None = None
-        """`(N,)` number of the stage that each world is in; the last one is rest."""
+        """`(N,)` index of the current stage of each world. In the last stage the hand rests."""
 
     def act(self, observation: np.ndarray) -> np.ndarray:
-        """The actions `(N, 4)` that follow observations `(N, 10 + 15 n)`."""
+        """Actions `(N, 4)` for observations `(N, 10 + 15 n)`."""
         view = ObservationParts(np.asarray(observation, np.float64))
         if self.stage is None:
             self.stage = np.zeros(len(observation), int)
@@ -85,7 +89,7 @@ class Script:
             error = stage.target(view) - view.grip
             reached = (np.abs(error) <= stage.tolerance).all(axis=1) & (self._steps >= stage.min_steps)
             over = here & (reached | (self._steps >= stage.max_steps))
-            # a world that has reached its target goes on with the next stage in the same step
+            # a world that has reached its target continues with the next stage in the same step
             self.stage[over] += 1
             self._steps[over] = 0
             here &= ~over
@@ -171,7 +175,7 @@ def _up(height: float) -> np.ndarray:
 
 
 def _pick(block: int) -> list[Stage]:
-    """Comes from above with open fingers and closes them on the block."""
+    """Approaches the block from above with open fingers and closes them."""
     return [
         Stage(lambda view: _over(view, view.block(block) + _up(_TRAVEL_HEIGHT)), _OPEN, tolerance=0.012),
         Stage(lambda view: view.block(block), _OPEN, tolerance=0.004, max_steps=6),
@@ -180,7 +184,7 @@ def _pick(block: int) -> list[Stage]:
 
 
 def _place(block: int, spot: Target) -> list[Stage]:
-    """Carries a held block over a spot for its centre, lowers it and opens the fingers."""
+    """Carries a held block above the position `spot` of its centre, lowers it and opens the fingers."""
 
     def grip_for(view: ObservationParts, height: float) -> np.ndarray:
         return spot(view) + (view.grip - view.block(block)) + _up(height)
@@ -208,14 +212,17 @@ def _leave() -> list[Stage]:
 
 
 def _over(view: ObservationParts, target: np.ndarray) -> np.ndarray:
-    """The target, but no lower than the hand is now until it is nearly above: whatever it leaves may be a tower."""
+    """The target, but at least at the hand's current height until the hand is nearly above the target.
+
+    This avoids collisions with a tower that the hand has just left.
+    """
     far = np.linalg.norm((target - view.grip)[:, :2], axis=1) > 0.03
     height = np.where(far, np.maximum(target[:, 2], view.grip[:, 2]), target[:, 2])
     return np.concatenate([target[:, :2], height[:, None]], axis=1)
 
 
 def _beside(view: ObservationParts, block: int, comes_from: int, avoids: int) -> np.ndarray:
-    """A spot 57 mm from a block along x, where the fingers have room and reach, and no other block is in the way."""
+    """A position 57 mm from a block along x, on the side that the fingers can reach and no other block obstructs."""
     centre, side = view.block(block), np.array([0.057, 0.0, 0.0])
     nearer = np.where(view.block(comes_from)[:, :1] < centre[:, :1], -side, side)
     gap = np.linalg.norm((view.block(avoids) - centre - nearer)[:, :2], axis=1)
@@ -229,12 +236,12 @@ def _direction(view: ObservationParts, pushed: int, other: int) -> np.ndarray:
 
 
 def _behind(view: ObservationParts, block: int, direction: np.ndarray) -> np.ndarray:
-    """Where closed fingers stand ready to push a block along a horizontal direction `(N, 3)`."""
+    """Position of closed fingers just before they push a block along a horizontal direction `(N, 3)`."""
     return view.block(block) - (_BACK + 0.015) * direction
 
 
 def _push_target(view: ObservationParts, pushed: int, other: int) -> np.ndarray:
-    """Just ahead of the block's back, so that the hand stays behind its centre, until the blocks are close."""
+    """Grip target slightly past the block's rear side, behind its centre. The hand stops once the blocks are close."""
     direction = _direction(view, pushed, other)
     gap = np.linalg.norm(view.block(other) - view.block(pushed), axis=1, keepdims=True)
     return np.where(gap < 0.08, view.grip, view.block(pushed) - (_BACK - 0.018) * direction)

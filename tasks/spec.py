@@ -1,4 +1,4 @@
-"""`TaskSpec`: all that makes one task differ from another. Imports no MuJoCo."""
+"""`TaskSpec`, the definition of a task. This module does not import MuJoCo."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ ROBOTS = ("gripper", "fetch")
 ACTION_SIZE = 4
 """Numbers in an action: hand displacement (x, y, z) and finger displacement."""
 EPISODE_STEPS = 50
-"""Actions per episode of a task that does not say otherwise."""
+"""Default number of actions per episode."""
 
 DrawStarts = Callable[[np.random.Generator, np.ndarray, int, "BiasedStarts"], tuple[np.ndarray, np.ndarray]]
-"""Draws where blocks are when episodes start; arguments and results are those of `starts.sample_starts`."""
+"""Draws the start positions of blocks. Arguments and results are those of `starts.sample_starts`."""
 
 
 def paper_arena() -> "composer.Arena":
@@ -41,38 +41,38 @@ def paper_starts(
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """A task. Its functions are those of a module, not lambdas, so that environments can be pickled."""
+    """A task. Its functions must be module-level functions, not lambdas, so that environments can be pickled."""
 
     name: str
-    """In options, config.json and tables; registered once."""
+    """Unique name in options, config.json and tables."""
     n_blocks: int
     """2 to 5."""
     gym_id: str
-    """Of the Gymnasium environments, such as "curiobench/SemanticStack3-v0"."""
+    """Id of the Gymnasium environments, such as "curiobench/SemanticStack3-v0"."""
     about: str = ""
-    """One line for `curiobench list`; the numbers of blocks and goals unless given."""
+    """One line for `curiobench list`; by default the numbers of blocks and goals."""
     robots: tuple[str, ...] = ROBOTS
-    """Robots that the task may be run with."""
+    """Robots that the task supports."""
     horizon: int = EPISODE_STEPS
-    """Actions per episode, unless Gymnasium is told another number; an episode never ends earlier."""
+    """Actions per episode, unless Gymnasium gets `max_episode_steps`. An episode never ends earlier."""
     keeps: Keeps | None = None
-    """Chooses the task's goals among all that can be built; all unless given."""
+    """Selects the task's goals among those that can be built; all by default."""
     arena: Callable[[], "composer.Arena"] = paper_arena
-    """Makes the scene that robot and blocks are put into; its table is as high as the paper's."""
+    """Creates the scene to which robot and blocks are added. Its table must be as high as the paper's."""
     starts: DrawStarts = paper_starts
-    """Draws where blocks are when episodes start."""
+    """Draws the start positions of blocks."""
 
     @property
     def goal_space(self) -> GoalSpace:
-        """Predicates and goals, with their names and layers; enumerated once."""
+        """Predicates and goals, with their names and layers; enumerated once and cached."""
         return goal_space(self.n_blocks, self.keeps)
 
     @property
     def is_slow_to_enumerate(self) -> bool:
-        """Whether enumerating the goals takes ten seconds, which listings and readers of results do without."""
+        """Whether enumerating the goals takes ten seconds. Listings and readers of results then skip it."""
         return self.n_blocks > 4
 
     def check_robot(self, robot: str) -> None:
-        """Raises ValueError unless the task may be run with a robot of this name."""
+        """Raises ValueError unless the task supports this robot."""
         if robot not in self.robots:
             raise ValueError(f"{self.name} does not take the robot {robot!r}: its robots are {', '.join(self.robots)}")

@@ -18,15 +18,15 @@ from curiobench.tasks.spec import ACTION_SIZE, TaskSpec
 from curiobench.tasks.starts import HELD_FINGER_POSITION, NONE_HELD, BiasedStarts
 
 _ACTION_TOLERANCE = 1e-5
-"""By how much rounding may carry an action over ±1."""
+"""Amount by which an action may exceed ±1, to allow for rounding."""
 
 
 class StackingModel:
-    """A compiled model together with the places where the task reads and writes it, for N worlds at once.
+    """A compiled model with the indices at which the task reads and writes its state, for N worlds at once.
 
     Args:
-      model: compiled from a `SemanticStacking` task's MJCF.
-      spec: of the task.
+      model: compiled from the MJCF of a `SemanticStacking` task.
+      spec: the task's definition.
       robot: the task's robot.
       block_joints: names of the blocks' free joints.
     """
@@ -58,7 +58,7 @@ class StackingModel:
         return self.hand.command(self.hand.state(qpos, qvel), action)
 
     def sample_starts(self, rng: np.random.Generator, biased: np.ndarray, probabilities: BiasedStarts) -> np.ndarray:
-        """Positions `(N, nq)` in which episodes start, at rest; `biased` `(N,)` says which are biased."""
+        """Draws start positions `(N, nq)`; `biased` `(N,)` says which worlds have biased starts."""
         positions, held = self._spec.starts(rng, biased, self._spec.n_blocks, probabilities)
         qpos = self.place_blocks(positions)
         holding = held != NONE_HELD
@@ -74,7 +74,7 @@ class StackingModel:
 
 
 class SemanticStacking(composer.Task):
-    """Bring n blocks into a goal configuration; reward 1 in every step after which all predicates match, else 0."""
+    """Bring n blocks into a goal configuration. A step's reward is 1 if all predicates match after it, else 0."""
 
     def __init__(
         self,
@@ -87,14 +87,14 @@ class SemanticStacking(composer.Task):
         """Builds the scene.
 
         Args:
-          spec: of the task.
+          spec: the task's definition.
           robot: a robot that no other task uses.
-          goal: what `GoalSpace.parse` understands; None draws one of the valid goals for every episode.
-          biased: whether episodes start biased towards stacks and a held block.
-          probabilities: of biased starts; the paper's unless given.
+          goal: a goal that `GoalSpace.parse` accepts; None draws one of the valid goals for every episode.
+          biased: whether starts are biased towards stacks and a held block.
+          probabilities: probabilities of biased starts; those of the paper by default.
 
         Raises:
-          ValueError: an unknown goal.
+          ValueError: the goal is unknown.
         """
         self.spec = spec
         self.goal_space: GoalSpace = spec.goal_space
@@ -105,7 +105,7 @@ class SemanticStacking(composer.Task):
         self._step_count = 0
         self._robot = robot
         self._arena = spec.arena()
-        # the composer's own arena switches to elliptic cones and noslip iterations, which the paper's world lacks
+        # composer's default arena sets elliptic cones and noslip iterations, which the paper's model does not have
         self._arena.mjcf_model.option.set_attributes(cone="pyramidal", noslip_iterations=0)
         robot.install(self._arena)
         self._block_joints = [Block(index).add_to(self._arena) for index in range(spec.n_blocks)]
@@ -124,11 +124,11 @@ class SemanticStacking(composer.Task):
 
     @property
     def goal(self) -> np.ndarray:
-        """The present episode's desired goal, `(n_bits,)`."""
+        """The desired goal `(n_bits,)` of the current episode."""
         return self._goal
 
     def set_goal(self, goal: "str | int | np.ndarray | None") -> None:
-        """Fixes the goal from the next episode on; None draws one of the valid goals for every episode.
+        """Sets the goal from the next episode on. None draws one of the valid goals for every episode.
 
         Raises:
           ValueError: see `GoalSpace.parse`.
@@ -140,7 +140,7 @@ class SemanticStacking(composer.Task):
         return self._bind(mjcf.Physics.from_mjcf_model(self._arena.mjcf_model).model.ptr)
 
     def bound(self, physics: mjcf.Physics) -> StackingModel:
-        """The places in `physics`' model that the task reads and writes; kept until the model changes."""
+        """The `StackingModel` for the model of `physics`, cached until the model changes."""
         if self._bound is None or self._bound.model is not physics.model.ptr:
             self._bound = self._bind(physics.model.ptr)
         return self._bound
@@ -163,7 +163,7 @@ class SemanticStacking(composer.Task):
         model, data, bound = physics.model.ptr, physics.data.ptr, self.bound(physics)
         command = bound.command(data.qpos[None], data.qvel[None], check_actions(action, 1))
         mujoco.mj_setState(model, data, command[0], bound.hand.control_spec)
-        # a batched step starts from a cold solver and from the command's own kinematics: so must this one, to agree
+        # as in a batched step: no warm start of the solver, and kinematics recomputed after the command is set
         data.qacc_warmstart[:] = 0
         mujoco.mj_step1(model, data)
 
@@ -178,11 +178,11 @@ class SemanticStacking(composer.Task):
         return float(np.array_equal(self.achieved_goal(physics), self._goal))
 
     def should_terminate_episode(self, physics: mjcf.Physics) -> bool:
-        # a time limit, not a failure: the discount stays 1
+        # this is a time limit, not a failure, so the discount stays 1
         return self._step_count >= self.spec.horizon
 
     def _named_observables(self) -> dict[str, observable.Observable]:
-        """The flat vectors that agents learn from, and every part of them by name."""
+        """The flat vectors that agents get as input, and every part of the state vector by name."""
         named = collections.OrderedDict(
             observation=observable.Generic(self._observation),
             achieved_goal=observable.Generic(self.achieved_goal),
@@ -202,7 +202,7 @@ class SemanticStacking(composer.Task):
         return observable.Generic(lambda physics: self._observation(physics)[part])
 
     def _observation(self, physics: mjcf.Physics) -> np.ndarray:
-        """The state vector; computed once per state, for every named part asks for it."""
+        """The state vector, cached per state because every named part reads it."""
         state = physics.data.qpos.tobytes() + physics.data.qvel.tobytes()
         if state != self._observed[0]:
             vector = self.bound(physics).observation(physics.data.qpos[None], physics.data.qvel[None])[0]
@@ -214,13 +214,13 @@ def check_actions(actions: np.ndarray, n_worlds: int) -> np.ndarray:
     """Actions as `(n_worlds, 4)` float64 in [-1, 1].
 
     Raises:
-      ValueError: a wrong shape, a value that is not finite or one outside [-1, 1].
+      ValueError: the shape is wrong, or a value is not finite or outside [-1, 1].
     """
     actions = np.asarray(actions, dtype=np.float64)
     if actions.shape != (n_worlds, ACTION_SIZE) and not (n_worlds == 1 and actions.shape == (ACTION_SIZE,)):
         raise ValueError(f"actions must have shape ({n_worlds}, {ACTION_SIZE}), got {actions.shape}")
     actions = actions.reshape(n_worlds, ACTION_SIZE)
-    # one comparison that NaN fails too
+    # this comparison is False for NaN too
     if not (np.abs(actions) <= 1 + _ACTION_TOLERANCE).all():
         world, entry = np.argwhere(~(np.abs(actions) <= 1 + _ACTION_TOLERANCE))[0]
         raise ValueError(f"actions must lie in [-1, 1], got {actions[world, entry]} in entry {entry} of world {world}")
@@ -230,13 +230,13 @@ def check_actions(actions: np.ndarray, n_worlds: int) -> np.ndarray:
 def make_stacking(
     task: str, robot: str, goal: "str | int | np.ndarray | None" = None, biased: bool = False
 ) -> SemanticStacking:
-    """A task by name with a fresh robot; arguments and errors are those of `load`."""
+    """A task by name, with a new robot. Arguments and errors are those of `load`."""
     check_robot(task, robot)
     return SemanticStacking(task_spec(task), _make_robot(robot), goal, biased)
 
 
 def _make_robot(name: str) -> Robot:
-    """A fresh robot by name; raises ValueError where its meshes are not installed."""
+    """A new robot by name; raises ValueError if its meshes are not installed."""
     if name == "fetch":
         from curiobench.tasks.fetch import FetchArm  # needs the extra `fetch`
 
@@ -254,14 +254,14 @@ def load(
     """Builds a dm_control environment.
 
     Args:
-      task: a task's name, one of `TASKS`.
+      task: name of the task, one of `TASKS`.
       robot: "gripper" (a free-floating hand, fast) or "fetch" (the paper's arm).
-      goal: name, bit string, number or bits of a goal; None draws one of the valid goals for every episode.
-      biased: whether episodes start biased towards stacks and a held block.
+      goal: name, bit string, index or bits of a goal; None draws one of the valid goals for every episode.
+      biased: whether starts are biased towards stacks and a held block.
       random_state: seed of the starts and goals.
 
     Raises:
-      ValueError: an unknown task, robot or goal, or a robot that the task may not be run with.
+      ValueError: the task, robot or goal is unknown, or the task does not support the robot.
     """
     return composer.Environment(
         make_stacking(task, robot, goal, biased),

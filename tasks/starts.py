@@ -1,4 +1,4 @@
-"""Where blocks are when an episode starts: spread on the table, or biased towards stacks and a held block."""
+"""Start positions of blocks: spread on the table, or biased towards stacks and a held block."""
 
 from dataclasses import dataclass
 
@@ -9,13 +9,13 @@ from curiobench.tasks.robots import GRIP_START
 from curiobench.tasks.scene import BLOCK_REST_HEIGHT
 
 SPREAD = 0.15
-"""Blocks lie within this distance, in x and in y, of the point below the grip's start (metres), in the paper."""
+"""Largest distance, in x and in y, between a block and the point below the grip's start (metres), as in the paper."""
 MIN_DISTANCE = 0.0707
-"""Columns of blocks stand at least this far apart (metres): two cubes cannot overlap however they are turned."""
+"""Least distance between columns of blocks (metres). Upright cubes at this distance do not overlap at any yaw angle."""
 HAND_CLEARANCE = 0.12
-"""A stack of three is as high as the waiting hand and stands at least this far from its axis (metres)."""
+"""Least distance between a stack of three, which is as high as the hand at its start, and the hand's axis (metres)."""
 HELD_FINGER_POSITION = 0.024
-"""Finger position that holds a block: an opening 0.2 mm narrower than the block (metres)."""
+"""Finger position that holds a block (metres). The opening is 0.2 mm narrower than the block."""
 NONE_HELD = -1
 
 
@@ -26,9 +26,9 @@ class BiasedStarts:
     stack_of_two: float = 0.21
     """Probability that two blocks start stacked."""
     stack_of_three: float = 0.09
-    """Probability that three blocks start stacked; with two blocks in all, a stack of two instead."""
+    """Probability that three blocks start stacked; in tasks with two blocks, that two do."""
     held: float = 0.5
-    """Probability that one block, never one that carries another, starts between the fingers."""
+    """Probability that one block starts between the fingers; it never carries another block."""
 
     def __post_init__(self) -> None:
         chances = (self.stack_of_two, self.stack_of_three, self.held)
@@ -45,13 +45,13 @@ def sample_starts(
 
     Args:
       rng: the only source of randomness.
-      biased: `(N,)` bool, which worlds start biased.
-      n_blocks: blocks a world.
-      probabilities: of the biased worlds.
+      biased: `(N,)` bool, True for worlds with a biased start.
+      n_blocks: number of blocks per world.
+      probabilities: probabilities of biased starts.
       spread: largest distance of blocks on the table, in x and in y, from the point below the grip's start (metres).
 
     Returns:
-      `(N, n_blocks, 3)` centres in metres, and `(N,)` the number of the held block or `NONE_HELD`.
+      Centres `(N, n_blocks, 3)` in metres, and indices `(N,)` of the held blocks or `NONE_HELD`.
     """
     n_worlds = len(biased)
     heights = _stack_heights(rng, biased, n_blocks, probabilities)
@@ -62,7 +62,7 @@ def sample_starts(
     xy = np.where(stacked[..., None], columns[:, :1], columns)
     z = BLOCK_REST_HEIGHT + BLOCK_SIZE * np.where(stacked, level, 0)
     slots = np.concatenate([xy, z[..., None]], axis=-1)
-    # blocks that may be held are the stack's top and all beside the stack: the last of the slots
+    # the top of the stack and the blocks beside it may be held: these are the last slots
     n_free = n_blocks - heights + 1
     slot = n_blocks - 1 - rng.integers(n_free)
     is_held = biased & (rng.random(n_worlds) < probabilities.held)
@@ -76,7 +76,7 @@ def sample_starts(
 def _stack_heights(
     rng: np.random.Generator, biased: np.ndarray, n_blocks: int, probabilities: BiasedStarts
 ) -> np.ndarray:
-    """Height `(N,)` of the stack in each world: 1 where all blocks lie flat."""
+    """Height `(N,)` of the stack in each world; 1 where all blocks lie on the table."""
     draw = rng.random(len(biased))
     heights = np.ones(len(biased), int)
     heights[draw < probabilities.stack_of_two + probabilities.stack_of_three] = 2
@@ -85,7 +85,7 @@ def _stack_heights(
 
 
 def _columns(rng: np.random.Generator, heights: np.ndarray, n_blocks: int, spread: float) -> np.ndarray:
-    """Positions `(N, n_blocks, 2)` of columns that stand clear of each other; a stack stands on the first."""
+    """Positions `(N, n_blocks, 2)` of columns that keep `MIN_DISTANCE`; the first is that of a stack."""
     columns = np.empty((len(heights), n_blocks, 2))
     pending = np.arange(len(heights))
     first, second = np.triu_indices(n_blocks, k=1)

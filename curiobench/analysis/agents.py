@@ -1,7 +1,7 @@
-"""Which trained agents a published set carries: one a task and method, of its best run.
+"""Selection of the trained agents in a published set: for each task and method, the agent of the best run.
 
-The rule: of the runs that have an agent, the one with the highest mean success over all goals at its last evaluation;
-of equals the lowest seed, then the first name. Critics and replay stay behind.
+The best run is the one with the highest mean success over all goals at its last evaluation, among runs that have an
+agent. Ties are broken by the lowest seed, then by name. Critics and replay buffers are left out.
 """
 
 from collections import defaultdict
@@ -28,11 +28,11 @@ success over all goals at the last evaluation; of equals the lowest seed. `confi
 
 
 def collect_agents(results: Results, trusted: Container[str]) -> tuple[dict[str, bytes], list[str]]:
-    """Files of the agents of runs, by path in the set, and lines that say which methods have none, and why.
+    """Files of the selected agents, by path in the set, and one line per reason why methods have no agent.
 
     Args:
         results: the runs.
-        trusted: methods from outside that may be imported.
+        trusted: external methods that may be imported.
     """
     files: dict[str, bytes] = {}
     rows, lacking = [], defaultdict(list)
@@ -52,7 +52,7 @@ def collect_agents(results: Results, trusted: Container[str]) -> tuple[dict[str,
 
 
 def _with_success(results: Results) -> pd.DataFrame:
-    """The frame `runs` with the last evaluation's mean success over all goals, goals learned, and goals."""
+    """The frame `runs` with columns of the last evaluation: mean success over all goals, goals learned, and goals."""
     all_goals = results.layers[results.layers["layer"] == 0]
     last = all_goals.groupby("run", observed=True)[["success", "learned", "goals"]].last().round(DECIMALS)
     return results.runs.join(last.set_index(last.index.astype(str)), on="run")
@@ -61,7 +61,7 @@ def _with_success(results: Results) -> pd.DataFrame:
 def _best_agent(
     runs: pd.DataFrame, config_files: Mapping[str, Path], trusted: Container[str]
 ) -> tuple[tuple[dict[str, Any], bytes, bytes] | None, str]:
-    """The best run that has an agent, with the contents of its two files; None, and why, where none has."""
+    """The best run that has an agent, with the contents of its two files; None and the reasons if no run has one."""
     reasons = []
     best_first = runs.sort_values(["success", "seed", "run"], ascending=[False, True, True])
     for run in best_first.to_dict("records"):
@@ -73,7 +73,7 @@ def _best_agent(
 
 
 def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> tuple[bytes, bytes]:
-    """Contents of the agent's two files; raises ValueError, which says why, where there is none."""
+    """Contents of the agent's two files. Raises ValueError with the reason if there is no agent."""
     if is_published(config_file.parents[1]):
         return _in_set(run, config_file)
     folder = config_file.parent
@@ -89,7 +89,7 @@ def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -
 
 
 def _in_set(run: dict[str, Any], config_file: Path) -> tuple[bytes, bytes]:
-    """What a published set has of a run."""
+    """Contents of the two files of a run's agent in a published set. Raises ValueError if the set has none."""
     home, name = config_file.parents[1], agent_name(run["task"], run["method"])
     of_run = name in agents_of(home) and _content(home / AGENTS / name / "config.json") == _content(config_file)
     if not of_run:

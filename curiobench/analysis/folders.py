@@ -1,10 +1,10 @@
-"""Find what a path holds: a run folder, a folder of run folders, a grid or a published set. Imports no pandas."""
+"""Find out what a path is: a run folder, a folder of run folders, a grid or a published set. Does not import pandas."""
 
 import hashlib
 import os
 import re
 from collections.abc import Sequence
-from os.path import isfile  # which raises nothing, where Path.exists may
+from os.path import isfile  # unlike Path.exists, it never raises
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
@@ -14,12 +14,12 @@ from curiobench.tasks.registration import TASKS
 
 GRID_FILE, GRID_FORMAT = "grid.json", "curiobench grid"
 PUBLISHED_FILES = ("runs.csv", "evaluations.csv.gz", "progress.csv.gz")
-"""The frames `runs`, `evaluations` and `progress` of a published set."""
+"""Files of the frames `runs`, `evaluations` and `progress` of a published set."""
 CONFIGS = "configs"  # folder of a published set with each run's config.json, named after the run
-AGENTS = "agents"  # folder of a published set with trained agents, each a folder TASK-METHOD of two files
+AGENTS = "agents"  # folder of a published set with trained agents; each is a folder TASK-METHOD with two files
 WEIGHTS = "agent.safetensors"
 AGENT_FILES = ("config.json", WEIGHTS)
-SUMS = "SHA256SUMS"  # digests of a set's files, as `sha256sum --check` reads them
+SUMS = "SHA256SUMS"  # digests of a set's files, in the format of `sha256sum --check`
 _VERSION = re.compile(r"v[1-9]\d*")
 
 
@@ -42,7 +42,7 @@ def is_published(path: Path) -> bool:
 def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
     """Run folders at a path, each with the run that a grid expects in it, and a line on each missing or foreign folder.
 
-    Raises ValueError where the path is no folder, holds no run, or has a damaged grid.json.
+    Raises ValueError if the path is not a folder, holds no run, or has a damaged grid.json.
     """
     if not path.is_dir():
         raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
@@ -68,7 +68,7 @@ def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
 
 
 def read_grid(path: Path) -> dict[str, Any]:
-    """The content of a folder's grid.json. Raises ValueError if it cannot be read, or a cell in it is damaged."""
+    """The content of a folder's grid.json. Raises ValueError if it cannot be read or has a damaged cell."""
     file = path / GRID_FILE
     grid = read_json(file)
     if grid.get("format") != GRID_FORMAT:
@@ -81,7 +81,7 @@ def read_grid(path: Path) -> dict[str, Any]:
 
 
 def _check_cell(file: Path, cell: Any) -> None:
-    """Raises ValueError where a cell of grid.json lacks a field, or its folder is not below the grid's."""
+    """Raises ValueError if a cell of grid.json lacks a field, or its folder is not inside the grid's folder."""
     kinds = {"folder": str, "task": str, "method": str, "seed": int}
     sound = isinstance(cell, dict) and all(type(cell.get(name)) is kind for name, kind in kinds.items())
     if not sound or not (cell["task"] + cell["method"]).isprintable():
@@ -92,14 +92,14 @@ def _check_cell(file: Path, cell: Any) -> None:
 
 
 def available() -> list[str]:
-    """Names of the published sets that come with this package, oldest first."""
+    """Names of the published sets in this package, oldest first."""
     paths = _home().iterdir() if _home().is_dir() else ()
     names = [path.name for path in paths if _VERSION.fullmatch(path.name) and is_published(path)]
     return sorted(names, key=lambda name: int(name[1:]))
 
 
 def locate(name: str | Path) -> Path:
-    """Folder of a published set by its name or path; raises ValueError where there is none."""
+    """Folder of a published set by its name or path. Raises ValueError if there is no such set."""
     if isinstance(name, str) and name in available():
         return _home() / name
     if is_published(Path(name)):
@@ -111,26 +111,27 @@ def locate(name: str | Path) -> Path:
 
 
 def by_name(path: Path) -> Path:
-    """Folder of the published set in this package with a name such as v1; any other path unchanged."""
+    """Folder of the published set in this package with a name such as v1. Any other path is returned unchanged."""
     name = str(path)
     return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
 
 
 def agent_name(task: str, method: str) -> str:
-    """Folder of an agent in a set's `agents`."""
+    """Name of an agent's folder in a set's `agents` folder."""
     return f"{task}-{display_name(method).replace(':', '_')}"
 
 
 def agents_of(folder: Path) -> list[str]:
-    """Names of the agents of a published set, sorted; none where it has none."""
+    """Sorted names of the agents in a published set; an empty list if it has no agents."""
     found = (folder / AGENTS).glob("*")
     return sorted(path.name for path in found if all(isfile(path / file) for file in AGENT_FILES))
 
 
 def find_agent(path: Path) -> Path | None:
-    """Folder of the agent at a path such as v2/stack3/mihm, with SET a name or a path; None for any other path.
+    """Folder of the agent at a path SET/TASK/METHOD such as v2/stack3/mihm; None for any other path.
 
-    Raises ValueError where the set has no such agent, or it is not what was published.
+    SET is the name or path of a published set. Raises ValueError if the set has no such agent, or the agent's files do
+    not have the published digests.
     """
     folder = by_name(path.parent.parent)
     if not path.parent.name or not is_published(folder):
@@ -145,9 +146,9 @@ def find_agent(path: Path) -> Path | None:
 
 
 def named_agent(path: Path, task: str | None, method: str | None) -> Path:
-    """The path, for `find_agent`, of a published set's agent of a task and method; any other path as it is.
+    """For a published set, the path of its agent of a task and method, as `find_agent` reads it.
 
-    Raises ValueError where it is not clear which agent is meant.
+    Any other path is returned unchanged. Raises ValueError if `task` and `method` do not identify one agent.
     """
     if not is_published(folder := by_name(path)):
         if task is not None:
@@ -166,7 +167,7 @@ def _told(agents: Sequence[str]) -> str:
 
 
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
-    """Raises ValueError where a file of a published set has another digest than its SHA256SUMS says."""
+    """Raises ValueError if the digest of a file in a published set differs from the one in SHA256SUMS."""
     sums = read_sums(folder)
     for name, path in ((name, folder / name) for name in files):
         with reading(path):
@@ -176,7 +177,7 @@ def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
 
 
 def read_sums(folder: Path) -> dict[str, str]:
-    """Digest by file, from a set's SHA256SUMS; raises ValueError where it cannot be read."""
+    """Digests by file name, from a set's SHA256SUMS. Raises ValueError if it cannot be read."""
     path = folder / SUMS
     with reading(path):
         if not path.is_file():  # reading a named pipe would never end
@@ -186,7 +187,7 @@ def read_sums(folder: Path) -> dict[str, str]:
 
 
 def _home() -> Path:
-    """Folder of the published sets: `curiobench/published` where installed, `results` in a working copy."""
+    """Folder of the published sets: `results` in a working copy, `curiobench/published` in an installed package."""
     package = Path(__file__).resolve().parents[1]
     working_copy = package.parent / "pyproject.toml"
     return package.parent / "results" if working_copy.exists() else package / "published"

@@ -1,4 +1,4 @@
-"""Tables as text for the terminal, markdown, LaTeX and csv, and what `curiobench table` prints and writes."""
+"""Conversion of tables to text for the terminal, markdown, LaTeX and csv, and the command `curiobench table`."""
 
 import csv
 import io
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from curiobench.cli.arguments import TableArguments
 
-MISSING = "–"  # for a value that is missing
+MISSING = "–"  # printed for a missing value
 MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
-"""Columns of the list of runs that a table was made from."""
+"""Columns of the csv file that lists the runs in a table."""
 _LATEX = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -38,17 +38,17 @@ _LATEX = {
     "–": "--",
 } | {character: f"\\{character}" for character in "&%$#_{}"}
 
-_TO_FIT = r"  \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # only what is wider than the text
+_TO_FIT = r"  \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # scale only tables wider than the text
 
 Tables = tuple[str, Sequence[Table], Table]
-"""The name of their files, tables to read, and one with all numbers for csv."""
+"""Name of the files, tables for readers, and one table with all numbers for csv."""
 
 
 def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
-    """Tables as plain text; bold by codes if `colour`.
+    """Tables as plain text, with escape codes for bold text if `colour`.
 
-    Cells and notes are broken between words so that lines have `width` columns at most; a table whose words do not fit
-    is wider. Names of runs are not broken.
+    Cells and notes are wrapped between words to at most `width` columns per line. A table whose words do not fit is
+    wider. Names of runs are not wrapped.
     """
     from rich.console import Console
     from rich.measure import Measurement
@@ -69,7 +69,7 @@ def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = F
 
 
 def _grid(table: Table) -> "Grid":
-    """A table for rich, whose columns are as wide as their longest word at least."""
+    """A rich table. Each column is at least as wide as its longest word."""
     from rich import box
     from rich.table import Table as Grid
     from rich.text import Text
@@ -86,7 +86,7 @@ def _grid(table: Table) -> "Grid":
 
 
 def markdown(tables: Sequence[Table]) -> str:
-    """Tables as GitHub's markdown has them."""
+    """Tables in GitHub-flavoured markdown."""
     parts = []
     for table in tables:
         heads = [_markdown(column.heading) for column in table.columns]
@@ -104,7 +104,7 @@ def _markdown(text: str) -> str:
 
 
 def latex(tables: Sequence[Table]) -> str:
-    r"""Tables in LaTeX, for `\input`, with a label from the title; they need the packages booktabs and graphicx."""
+    r"""Tables in LaTeX, for `\input`, with labels made from titles. They need the packages booktabs and graphicx."""
     parts = []
     for table in tables:
         kinds = "".join("r" if _is_number(table, column) else "l" for column in table.columns)
@@ -125,11 +125,11 @@ def _latex(text: str) -> str:
 
 
 WRITERS = MappingProxyType({"terminal": (terminal, "txt"), "markdown": (markdown, "md"), "latex": (latex, "tex")})
-"""Formats of tables to read, and the suffixes of their files."""
+"""Formats of the tables for readers: the function that writes each, and the suffix of its files."""
 
 
 def comma_separated(table: Table) -> str:
-    """One table as csv: a header row, numbers in full, an interval in the columns `…_low` and `…_high`."""
+    """One table as csv, with a header row and unrounded numbers. Intervals are in the columns `…_low` and `…_high`."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     names = {}
@@ -155,7 +155,7 @@ def _is_number(table: Table, column: Column) -> bool:
 
 
 def _cells(table: Table) -> list[list[tuple[str, bool]]]:
-    """The values as text, and whether each is set in bold."""
+    """The values as text, each with whether it is bold."""
     best = {column.key: table.best(column) for column in table.columns}
     return [
         [
@@ -167,7 +167,7 @@ def _cells(table: Table) -> list[list[tuple[str, bool]]]:
 
 
 def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
-    """A value as text, and its interval ("" for none)."""
+    """A value and its interval as text; the interval is "" if there is none."""
     if value is None or value != value:
         return MISSING, ""
     number, interval = value, ""
@@ -178,9 +178,9 @@ def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
 
 
 def show_tables(arguments: "TableArguments") -> None:
-    """Print tables of runs, and write them where asked to; then print the runs that are left out to stderr.
+    """Print tables of runs and, with `--out`, write them to files. Then print the runs that are left out to stderr.
 
-    Raises ValueError, after the tables, where a path that was asked for is not in them, or there is no run.
+    Raises ValueError, after the tables, if a given path is not in them or there is no run.
     """
     if arguments.like and arguments.each_run:
         raise ValueError("--like paper and --each-run are different tables; ask for one of them")
@@ -213,7 +213,7 @@ def _written(made: Tables, form: str) -> str:
 def make_tables(
     results: Results, like: str | None = None, baseline: str | None = None, each_run: bool = False
 ) -> Tables:
-    """The tables of runs, of which there is at least one; raises ValueError where none is of the baseline."""
+    """The tables of at least one run. Raises ValueError if a baseline is given and has no run."""
     if each_run:
         return "runs", [run_table(results)], run_table(results, flat=True)
     chosen = check_baseline(results, baseline)
@@ -225,7 +225,7 @@ def make_tables(
 
 
 def check_baseline(results: Results, baseline: str | None) -> str:
-    """The method that others are compared with, sac for None; raises ValueError where one is named but has no run."""
+    """The method that others are compared with, by default sac. Raises ValueError if `baseline` has no run."""
     methods, chosen = list(dict.fromkeys(results.runs["method"])), display_name(baseline or "sac")
     if baseline and chosen not in methods:
         raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")
@@ -233,7 +233,10 @@ def check_baseline(results: Results, baseline: str | None) -> str:
 
 
 def write_tables(folder: Path, made: Tables, results: Results) -> None:
-    """Write tables in all formats with the runs left out, and the runs in them; raises ValueError where it cannot."""
+    """Write tables in all formats, with notes on the runs left out, and a csv file of the runs in them.
+
+    Raises ValueError if they cannot be written.
+    """
     name, (*others, last), flat = made
     left_out = tuple(f"left out: {fault}" for fault in results.faults)
     tables = [*others, replace(last, notes=(*last.notes, *left_out))]

@@ -1,4 +1,7 @@
-"""Lines with bands: a few methods over each other, more of them as small multiples, each against the others in grey."""
+"""Line plots with bands.
+
+A few methods are drawn in the same panels. More methods are drawn as small multiples, with all other methods in grey.
+"""
 
 import re
 import textwrap
@@ -19,36 +22,36 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OVERLAID = 6  # most lines that can be distinguished in one panel
-GROUPS = 7  # most rows of small multiples in one figure: a page holds no more
+GROUPS = 7  # most rows of small multiples in one figure, as many as fit on a page
 COLUMNS = 3  # panels side by side
 QUARTERS = (0, 0.25, 0.5, 0.75, 1)  # ticks of shares
-CLOSER = (0.1, 0.2, 0.4)  # where the y axis may end instead of at 1, so that low curves can be distinguished
+CLOSER = (0.1, 0.2, 0.4)  # possible ends of the y axis below 1, so that low curves can be distinguished
 STEPS = (1, 2, 2.5, 5, 10)  # distances of ticks of counts, times a power of ten
-REFERENCE = "sac"  # method in every panel of small multiples: what the others add to
-_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])")  # where the words of a class name meet
+REFERENCE = "sac"  # method in every panel of small multiples, because the other methods extend it
+_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])")  # boundaries between the words of a class name
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One thing that is drawn of each sample."""
+    """One quantity that is drawn for each sample."""
 
     title: str
     values: Callable[[Sample], tuple[np.ndarray, np.ndarray]]  # x (X,) and values (S, X) of a sample
-    top: float = 1.0  # largest value there can be
+    top: float = 1.0  # largest possible value
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What the axes of all panels of a figure are called."""
+    """Axis labels and x ticks of all panels of a figure."""
 
     x: str
     y: str
-    ticks: Callable[[float], str] | None = None  # text of a tick on the x axis, where it is more than its number
-    integers: bool = True  # whether x is counted
+    ticks: Callable[[float], str] | None = None  # formats a tick of the x axis; None prints the number
+    integers: bool = True  # whether x is an integer
 
 
 def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -> list["Figure"]:
-    """Draw each sample's mean over seeds in each panel, and its 95 % interval as a band; several figures if need be."""
+    """Draw each sample's mean over seeds in each panel, with its 95 % interval as a band; several figures if needed."""
     curves = _Curves(samples, panels)
     panels = _closer(curves, panels)
     if len(samples) <= OVERLAID:
@@ -59,7 +62,7 @@ def draw_lines(samples: Sequence[Sample], panels: Sequence[Panel], axis: Axis) -
 
 
 def _closer(curves: "_Curves", panels: Sequence[Panel]) -> list[Panel]:
-    """Panels with axes that end at the same share of their largest values: a small one where all curves are low."""
+    """Panels whose y axes end at the same share of their largest possible values; it is small if all curves are low."""
     tops = {panel.title: panel.top for panel in panels}
     highest = max(max(mean.max(), high.max()) / tops[title] for (_, title), (_, mean, _, high) in curves.known.items())
     share = next((share for share in CLOSER if highest <= 0.9 * share), 1.0)
@@ -68,10 +71,10 @@ def _closer(curves: "_Curves", panels: Sequence[Panel]) -> list[Panel]:
 
 
 class _Curves:
-    """Draws samples, each in its own look.
+    """Draws samples, each in its own style.
 
     Attributes:
-        known: x, mean over seeds and its interval, `(X,)` each, by sample and title of the panel.
+        known: x, mean over seeds, and low and high end of its interval, `(X,)` each, by sample and panel title.
     """
 
     def __init__(self, samples: Sequence[Sample], panels: Sequence[Panel]) -> None:
@@ -85,7 +88,7 @@ class _Curves:
                 self.known[sample, panel.title] = (x, values.mean(0), *interval)
 
     def draw(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
-        """Line and band of a sample, with about five markers where those of the other samples are not."""
+        """Line and band of a sample, with about five markers, shifted against those of the other samples."""
         x, mean, low, high = self.known[sample, panel.title]
         style = self.styles[sample]
         if sample.n_seeds > 1:
@@ -93,7 +96,7 @@ class _Curves:
         gap = max(1, len(x) // 5)
         shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
         marks = list(range(min(shift, len(x) - 1), len(x), gap))
-        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers are not cut
+        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers are not clipped
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
         """Line of a sample in the background."""
@@ -101,7 +104,7 @@ class _Curves:
         axes.plot(x, mean, **GREY)
 
     def looks(self, samples: Sequence[Sample]) -> list[dict]:
-        """Names and looks for the legend, in the order of all samples."""
+        """Names and styles of `samples` for the legend, in the order of all samples."""
         return [{"label": self.names[s], **self.styles[s]} for s in self.samples if s in samples]
 
 
@@ -120,7 +123,7 @@ def _overlaid(curves: _Curves, panels: Sequence[Panel], axis: Axis) -> "Figure":
 
 
 def _multiples(curves: _Curves, groups: Sequence[Sequence[Sample]], panels: Sequence[Panel], axis: Axis) -> "Figure":
-    """A row of panels for each group, or, of one panel only, a field for each group; the other samples in grey."""
+    """One row of panels per group, or one field per group if there is a single panel; the other samples in grey."""
     fields = [(group, panel) for group in groups for panel in panels]
     columns = len(panels) if len(panels) > 1 else COLUMNS
     rows = -(-len(fields) // columns)
@@ -146,27 +149,27 @@ def _multiples(curves: _Curves, groups: Sequence[Sequence[Sample]], panels: Sequ
 
 
 def _name_of(curves: _Curves, group: Sequence[Sample]) -> str:
-    """What a group is called: its curiosity method, or the name of its only sample of that method."""
+    """Title of a group: its curiosity method, or the name of its sample if it has only one of that method."""
     of_method = [sample for sample in group if base(sample.method) == base(group[-1].method)]
     return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]]
 
 
 def _grid(figure: "Figure", columns: int, count: int) -> list["Axes"]:
-    """The first `count` fields of a grid; those at the bottom of their column have numbers on the x axis."""
+    """The first `count` fields of a grid. The lowest field of each column has tick labels on the x axis."""
     grid = figure.add_gridspec(-(-count // columns), columns)
     found: list[Axes] = []
     for number in range(count):
         axes = figure.add_subplot(grid[divmod(number, columns)], sharex=found[0] if found else None)
         axes.tick_params(labelbottom=number + columns >= count)
         if number + columns >= count and number // columns < (count - 1) // columns:
-            axes.xaxis.set_in_layout(False)  # its numbers have the empty field below for themselves
+            axes.xaxis.set_in_layout(False)  # the empty field below has room for its tick labels
             figure.get_layout_engine().set(rect=(0, 0, 0.975, 1), w_pad=0.12)
         found.append(axes)
     return found
 
 
 def _finish(axes: "Axes", panel: Panel, axis: Axis, bins: int, first: bool) -> None:
-    """Limits and ticks, in `bins` parts on the x axis; numbers on the y axis where it is the `first` in its row."""
+    """Set limits and ticks, with at most `bins` intervals on the x axis; y tick labels only on the `first` of a row."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     axes.set_xlim(0, max(line.get_xdata()[-1] for line in axes.lines) or 1)
@@ -179,7 +182,7 @@ def _finish(axes: "Axes", panel: Panel, axis: Axis, bins: int, first: bool) -> N
 
 
 def number_axis(axis: "XAxis | YAxis", top: float) -> None:
-    """Ticks of an axis of shares, or of counts where its `top` is above 1."""
+    """Set the ticks of an axis of shares, or of counts if `top` is above 1."""
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
     axis.set_major_locator(FixedLocator(QUARTERS) if top == 1 else MaxNLocator(5, integer=top > 1, steps=STEPS))
@@ -187,7 +190,7 @@ def number_axis(axis: "XAxis | YAxis", top: float) -> None:
 
 
 def _surround(figure: "Figure", axis: Axis, looks: Sequence[dict]) -> None:
-    """Names of the axes and a legend above all panels."""
+    """Add the axis labels and a legend above all panels."""
     from matplotlib.lines import Line2D
 
     figure.supylabel(axis.y, fontsize=TEXT, parse_math=True)
@@ -198,14 +201,14 @@ def _surround(figure: "Figure", axis: Axis, looks: Sequence[dict]) -> None:
     columns = max(1, min(len(looks), int(figure.get_figwidth() * 15 / (longest + 7))))
     rows = -(-len(looks) // columns)
     full = len(looks) - columns * (rows - 1)
-    # a legend fills column by column; this order shows the entries row by row
+    # matplotlib fills a legend column by column; this order shows the entries row by row
     order = [row * columns + column for column in range(columns) for row in range(rows - (column >= full))]
     handles = [Line2D([], [], **looks[place]) for place in order]
     figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=3)
 
 
 def _groups(samples: Sequence[Sample]) -> list[list[Sample]]:
-    """Samples of one curiosity method together with the reference; one by one where they are too many."""
+    """Groups of the samples of one curiosity method and the reference; of single samples if a method has too many."""
     reference = [sample for sample in samples if sample.method == REFERENCE]
     reference = reference if len(reference) == 1 else []
     others = [sample for sample in samples if sample not in reference]

@@ -1,4 +1,4 @@
-"""`curiobench publish`: run folders become a published set, which `curiobench.analysis.load` reads."""
+"""The command `curiobench publish`: writes a published set from run folders; `curiobench.analysis.load` reads it."""
 
 import gzip
 import hashlib
@@ -15,30 +15,30 @@ from curiobench.analysis.folders import AGENTS, CONFIGS, PUBLISHED_FILES, SUMS, 
 from curiobench.analysis.frames import Results, read_results
 from curiobench.files import reading, replace_file, sync_folder, utf8, writing_to
 
-DERIVED = ("tables", "figures", "report.html")  # made from the rows; publishing again makes them again
+DERIVED = ("tables", "figures", "report.html")  # made from the csv files each time a set is published
 _OWN = {*PUBLISHED_FILES, CONFIGS, AGENTS, SUMS, *DERIVED}
 _PLAIN = re.compile(r"[\w+-][\w.+-]{0,199}")
 _COMMITS = re.compile(r"[0-9a-f]+( [0-9a-f]+)*")
-"""A commit, or several separated by spaces: a lengthened run may have been made by more than one."""
+"""One commit, or several separated by spaces: the parts of a lengthened run may come from different commits."""
 
 
 def publish(
     paths: Sequence[Path], out: Path, allow_dirty: bool = False, replace: bool = False, trusted: Container[str] = ()
 ) -> list[str]:
-    """Write the published set of runs, and return one line on each part of it.
+    """Write a published set of runs, and return lines that name its parts and the methods without an agent.
 
-    The set is written beside its place and renamed when it is complete. Where there is one already, files in it that
-    are not written here, such as a README, are kept.
+    The set is written to a temporary folder beside `out`, which is renamed to `out` when it is complete. Other files of
+    an existing set, such as a README, are kept.
 
     Args:
         paths: run folders, grids, published sets. A lengthened run replaces the shorter one.
         out: folder of the set.
-        allow_dirty: also take runs of altered code, or of code whose commit is not known.
-        replace: also where an existing set has runs or agents that the new one lacks, or other numbers for a run.
-        trusted: methods from outside that may be imported; without, their agents are left out.
+        allow_dirty: also accept runs of modified code, or of code whose commit is unknown.
+        replace: also replace a set with runs or agents that are not in the new one, or with other numbers for a run.
+        trusted: external methods that may be imported. Agents of other external methods are left out.
 
-    Raises ValueError, which names each, where a folder is missing, damaged, partial, duplicate or foreign, a run's code
-    is no commit, or `out` holds something else or cannot be written. `out` is then unchanged.
+    Raises ValueError if folders are missing, damaged, partial, duplicate or foreign, if a run's code is not a commit,
+    or if `out` is something else or cannot be written. The message names each of them, and `out` is unchanged.
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
@@ -74,7 +74,7 @@ def _content(file: Path) -> bytes:
 
 
 def _check_runs(results: Results, allow_dirty: bool) -> None:
-    """Raises ValueError where not all runs can be published."""
+    """Raises ValueError unless all runs can be published."""
     if results.faults:
         raise ValueError(f"not published: {'; '.join(results.faults)}")
     dirty = [
@@ -91,7 +91,7 @@ def _check_runs(results: Results, allow_dirty: bool) -> None:
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:
-    """Clean up after a `publish` that was stopped; between its two renames the old set is put back."""
+    """Clean up after an interrupted `publish`. If it was interrupted between its two renames, restore the old set."""
     if old.exists() and not out.exists():
         old.rename(out)
     for rest in (old, new):
@@ -102,12 +102,12 @@ def _tidy(out: Path, old: Path, new: Path) -> None:
 def _keep_others(out: Path, new: Path) -> None:
     """Copy the other files of an existing set, such as a README, into the new one."""
     if out.exists():
-        own = {str(out): _OWN}  # not in subfolders
+        own = {str(out): _OWN}  # ignored at the top level only
         shutil.copytree(out, new, symlinks=True, dirs_exist_ok=True, ignore=lambda folder, _: own.get(folder, ()))
 
 
 def _check_place(out: Path, results: Results, files: Container[str], replace: bool) -> None:
-    """Raises ValueError where the set must not replace what is at `out`."""
+    """Raises ValueError if the new set must not replace what is at `out`."""
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
     if not is_published(out):
@@ -120,7 +120,7 @@ def _check_place(out: Path, results: Results, files: Container[str], replace: bo
     for run, rows in theirs.items():
         if run not in ours:
             faults.append(f"its run {run} would be lost")
-        elif not rows.equals(ours[run][: len(rows)]):  # the new rows may be those of a longer run
+        elif not rows.equals(ours[run][: len(rows)]):  # the new run may be longer
             faults.append(f"its run {run} would get other numbers")
     lost = [name for name in agents_of(out) if f"{AGENTS}/{name}/config.json" not in files]
     faults += [f"its agent {name} would be lost" for name in lost]
@@ -136,12 +136,12 @@ def _rows_of_runs(results: Results) -> dict[str, pd.DataFrame]:
 
 
 def _frames(results: Results) -> dict[str, pd.DataFrame]:
-    """What a set holds, by file."""
+    """The frames of a set, by file name."""
     return dict(zip(PUBLISHED_FILES, (results.runs, results.evaluations, results.progress), strict=True))
 
 
 def _write(folder: Path, results: Results, files: Mapping[str, bytes]) -> None:
-    """Write the rows of a set, its other files, and the digests of all."""
+    """Write the frames of a set, its other files, and the digests of all of them."""
     texts = {name: utf8(frame.to_csv(index=False, lineterminator="\n")) for name, frame in _frames(results).items()}
     data = {name: _gzip(text) if name.endswith(".gz") else text for name, text in texts.items()}
     data |= files
@@ -152,7 +152,7 @@ def _write(folder: Path, results: Results, files: Mapping[str, bytes]) -> None:
 
 
 def derive(folder: Path) -> None:
-    """Write the tables, figures and the report of a published set into it, as the commands of these names do."""
+    """Write the tables, figures and report of a published set into its folder, as the commands of these names do."""
     from curiobench.analysis.figures import draw_figures
     from curiobench.analysis.formats import make_tables, write_tables
     from curiobench.analysis.paper import LEARNED
@@ -167,7 +167,7 @@ def derive(folder: Path) -> None:
 
 
 def _gzip(content: bytes) -> bytes:
-    """The content compressed, without a name or time: the same bytes whenever it is done."""
+    """The gzip-compressed content, without file name and time, so that the bytes depend on the content only."""
     buffer = io.BytesIO()
     with gzip.GzipFile("", "wb", 9, buffer, mtime=0) as file:
         file.write(content)

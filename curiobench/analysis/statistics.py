@@ -1,9 +1,9 @@
 """Statistics of a few seeds, as Agarwal et al. (2021), "Deep RL at the edge of the statistical precipice", define them.
 
-Scores are arrays `(S, T)`: S seeds of T strata, such as tasks. In a third axis `(S, T, G)` are scores of one and the
-same agent, such as of its goals: they stay together when seeds are resampled, because they depend on each other.
-Intervals are percentile bootstrap intervals by a generator with a seed of its own, NaN for fewer than two seeds. Scores
-of another shape, or that are not finite, raise ValueError.
+Scores are arrays `(S, T)` of S seeds and T strata, such as tasks. With a third axis `(S, T, G)`, the last axis holds
+scores of the same agent, such as one per goal. These depend on each other, so bootstrap resampling keeps them together.
+Intervals are percentile bootstrap intervals, from a random generator with its own seed. They are NaN for fewer than two
+seeds. Scores with another shape or with values that are not finite raise ValueError.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,14 +12,14 @@ from functools import lru_cache
 import numpy as np
 
 CONFIDENCE, RESAMPLES = 0.95, 2_000
-ENOUGH_SEEDS = 10  # with fewer, intervals are much too narrow: docs/results.md has their real coverage
+ENOUGH_SEEDS = 10  # with fewer, intervals are much too narrow; docs/results.md gives their actual coverage
 _ENDS = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
-_BATCH = 500_000  # scores that are resampled at a time, few enough to stay in a processor's cache
+_BATCH = 500_000  # number of scores resampled at a time, small enough for a processor's cache
 
 
 def interquartile_mean(scores: np.ndarray, axis: int | None = None) -> np.ndarray | float:
-    """Mean of the middle half of the scores along an axis, or of all: the lowest and highest quarter are left out."""
-    from scipy.stats import trim_mean  # a second to import
+    """Mean of the middle half of the scores, without the lowest and highest quarter, along an axis or over all."""
+    from scipy.stats import trim_mean  # the import takes a second
 
     return trim_mean(scores, 0.25, axis=axis)
 
@@ -31,17 +31,17 @@ def stratified_bootstrap(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> tuple[float, float]:
-    """Interval of a statistic; seeds are resampled within each stratum by itself.
+    """Confidence interval of a statistic. Seeds are resampled in each stratum independently.
 
     Args:
         scores: `(S, T)` or `(S, T, G)`.
-        statistic: of all scores, in any order, along an `axis`, such as `interquartile_mean` or `np.mean`.
-        confidence: of the interval.
+        statistic: function of all scores along an `axis`, in any order, such as `interquartile_mean` or `np.mean`.
+        confidence: confidence level of the interval.
         resamples: number of bootstrap resamples.
-        seed: of the resampling.
+        seed: seed of the resampling.
 
     Returns:
-        Low and high end.
+        Low and high end of the interval.
     """
     scores = _checked(scores, (2, 3))
     if len(scores) < 2:
@@ -49,7 +49,7 @@ def stratified_bootstrap(
     from scipy import stats
 
     def of_resamples(*chosen: np.ndarray, axis: int) -> np.ndarray:
-        """Statistic `(R,)` of the seeds `(R, S)` that were drawn in each stratum."""
+        """Statistic `(R,)` of the resamples, given the seeds `(R, S)` drawn in each stratum."""
         drawn = [scores[seeds.astype(int), stratum] for stratum, seeds in enumerate(chosen)]  # (R, S) or (R, S, G) each
         return statistic(np.stack(drawn, axis=1).reshape(len(drawn[0]), -1), axis=-1)
 
@@ -67,7 +67,7 @@ def stratified_bootstrap(
 
 
 def curve_interval(values: np.ndarray, resamples: int = RESAMPLES, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Intervals `(…)` of means over seeds of many values at once, such as `(S, …)` a value a seed and epoch."""
+    """Intervals `(…)` of means over seeds of values `(S, …)`, such as one value per seed and epoch."""
     values = _checked(values, range(1, 10))
     if len(values) < 2:
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
@@ -80,7 +80,8 @@ def curve_interval(values: np.ndarray, resamples: int = RESAMPLES, seed: int = 0
 def probability_of_improvement(x: np.ndarray, y: np.ndarray) -> float:
     """Probability that a random run of x `(S, T)` scores higher than one of y `(S', T)`, averaged over strata.
 
-    That is the Mann-Whitney statistic over the number of pairs; ties count half. Raises ValueError on unlike strata.
+    This is the Mann-Whitney statistic divided by the number of pairs. Ties count half. Raises ValueError if the numbers
+    of strata differ.
     """
     return float(_wins(x, y).mean())
 
@@ -100,7 +101,7 @@ def improvement_interval(x: np.ndarray, y: np.ndarray, seed: int = 0) -> tuple[f
 
 
 def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """Share `(K,)` of scores `(S, T)` above each threshold `(K,)`, every stratum with equal weight."""
+    """Share `(K,)` of scores `(S, T)` above each threshold `(K,)`; all strata have equal weight."""
     scores = np.sort(_checked(scores, (2,)), axis=None)
     return 1 - np.searchsorted(scores, np.asarray(thresholds), side="right") / scores.size
 
@@ -108,7 +109,7 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
 def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
     """Mean success `(…)` over training: the area under `(…, E)` by the trapezoidal rule, divided by its length.
 
-    The epochs `(E,)` rise; of a single evaluation it is the success.
+    The epochs `(E,)` are increasing. For a single evaluation the result is its success.
     """
     if len(epochs) == 1:
         return success[..., 0]
@@ -116,9 +117,9 @@ def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
 
 
 def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
-    """Lines that say that there are too few seeds to conclude from, by names and numbers of seeds of methods.
+    """Warnings about too few seeds, given the name and number of seeds of each method.
 
-    One line for each number of seeds below `ENOUGH_SEEDS`, which names its methods unless all have as many.
+    There is one line per number of seeds below `ENOUGH_SEEDS`. It names the methods unless all have the same number.
     """
     by_size: dict[int, list[str]] = {}
     for name, size in sizes:
@@ -129,7 +130,7 @@ def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
         of = f" of {whose}" if len(by_size) > 1 else ""
         few = f"{size} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
         lines.append(few if size > 1 else f"1 seed{of}: no interval, and nothing to conclude about the method")
-    return lines[: sum(size < ENOUGH_SEEDS for size in by_size)]  # sizes rise
+    return lines[: sum(size < ENOUGH_SEEDS for size in by_size)]  # sizes are in increasing order
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:
@@ -142,20 +143,20 @@ def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndar
 
 
 def _counts(size: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
-    """`(R, S)` how often each seed is in each resample: means over resamples become one matrix product."""
+    """How often each seed is in each resample, `(R, S)`; one matrix product then gives the means of all resamples."""
     return rng.multinomial(size, np.full(size, 1 / size), resamples).astype(float)
 
 
 @lru_cache(maxsize=8)
 def _counts_of_seed(size: int, resamples: int, seed: int) -> np.ndarray:
-    """`_counts` from a fresh generator, which a figure's many curves have in common."""
+    """`_counts` from a new generator, cached because all curves of a figure use the same counts."""
     counts = _counts(size, resamples, np.random.default_rng(seed))
     counts.flags.writeable = False
     return counts
 
 
 def _wins(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """`(T, S, S')` 1 where the run of x is better, ½ where they are equal."""
+    """`(T, S, S')`, 1 where the run of x is better, ½ where both are equal, else 0."""
     x, y = _checked(x, (2,)), _checked(y, (2,))
     if x.shape[1] != y.shape[1]:
         raise ValueError(f"scores of {x.shape[1]} strata cannot be compared with scores of {y.shape[1]}")

@@ -1,4 +1,7 @@
-"""Tables of results: estimates over the seeds of methods, and their columns. formats.py writes them as text."""
+"""Tables of results: estimates over seeds for each method, and the columns of the tables.
+
+formats.py converts them to text.
+"""
 
 import math
 from collections.abc import Sequence
@@ -22,12 +25,15 @@ from curiobench.analysis.statistics import (
 from curiobench.analysis.variants import cautions, hour_digits
 
 CLOCK = "hours are of the clock, also where runs shared their machine with other work"
-RARE = 100  # chances of at most one in 100 get no note
+RARE = 100  # probabilities of at most one in 100 get no note
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % bootstrap interval over seeds; both ends are NaN without an interval, as for one seed."""
+    """A number with its 95 % bootstrap interval over seeds. Both ends are NaN if there is no interval.
+
+    That is the case with a single seed.
+    """
 
     value: float
     low: float = float("nan")
@@ -56,9 +62,9 @@ class Column:
     """A column of a table."""
 
     key: str  # name in csv files
-    heading: str  # name elsewhere
+    heading: str  # name in other formats
     digits: int = 2  # decimals, except in csv files
-    contest: bool = False  # more is better: the best value is bold if its interval lies above all others
+    contest: bool = False  # higher is better; the highest value is bold if its interval lies above all others
 
 
 @dataclass(frozen=True)
@@ -71,12 +77,12 @@ class Table:
     notes: tuple[str, ...] = ()  # lines below it
 
     def best(self, column: Column) -> int | None:
-        """Row of the value whose interval lies above all others; None without one, or with too few seeds."""
+        """Row of the value whose interval lies above all others; None if there is none, or too few seeds."""
         values = [row.get(column.key) for row in self.rows]
         if not column.contest or len(values) < 2:
             return None
         if min(row.get("seeds", ENOUGH_SEEDS) for row in self.rows) < ENOUGH_SEEDS:
-            return None  # intervals of so few seeds miss the truth too often
+            return None  # intervals of so few seeds miss the true value too often
         if not all(isinstance(value, Estimate) and value.has_interval for value in values):
             return None
         first = max(range(len(values)), key=lambda i: values[i].value)
@@ -85,16 +91,20 @@ class Table:
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
-    """Summaries of all tasks, methods and variants, compared with the baseline, a method spec.
+    """Summaries of all tasks, methods and variants, each compared with the baseline, a method spec.
 
-    The last evaluation of a partial run counts as its end.
+    For a partial run, the last evaluation counts as the final one.
     """
     pairs = [(task, sample) for task in tasks for sample in task.samples]
     return [Summary(task, sample, _values(task, sample, _baseline(task, sample, baseline))) for task, sample in pairs]
 
 
 def _baseline(task: TaskSamples, sample: Sample, baseline: str) -> Sample | None:
-    """The baseline of the same variant, or else the only one with equal epochs, steps and updates; None without one."""
+    """The baseline sample to compare with, or None.
+
+    It has the same variant, or any variant if the baseline lacks that one, and equal epochs, steps and updates. More
+    than one such sample gives None.
+    """
     if sample.method == baseline:
         return None
     found = [other for other in task.samples if other.method == baseline]
@@ -131,19 +141,20 @@ def _values(task: TaskSamples, sample: Sample, baseline: Sample | None) -> dict[
 
 
 def key_of(name: str, layer: int) -> str:
-    """Name of a column of numbers of a layer; 0 is all layers together."""
+    """Column name for the numbers of a layer; layer 0 is all layers together."""
     return f"{name}_{layer}" if layer else name
 
 
 def _final(sample: Sample) -> np.ndarray:
-    """(S,) success over all goals at the end, rounded so that equal ones tie."""
+    """Final success `(S,)` over all goals, rounded so that equal values tie."""
     return np.round(sample.last_success[:, 0], DECIMALS)
 
 
 def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate | None:
-    """None if either has a single seed, because the probability is then always 0, 0.5 or 1.
+    """Probability that a run scores higher than one of the baseline.
 
-    If all runs of one are better than all of the other, every resample has the same value, and there is no interval.
+    It is None if either has a single seed. If all runs of one are better than all runs of the other, every resample
+    has the same value, and there is no interval.
     """
     if min(len(scores), len(baseline)) < 2:
         return None
@@ -153,13 +164,16 @@ def _improvement(scores: np.ndarray, baseline: np.ndarray) -> Estimate | None:
 
 
 def method_tables(summaries: Sequence[Summary], baseline: str = "sac") -> list[Table]:
-    """Three tables per task (learned goals, success, cost), with a row per sample, of summaries with this baseline."""
+    """Three tables per task (learned goals, success, cost), with one row per sample.
+
+    `baseline` is the method that the summaries were compared with.
+    """
     groups = groupby(summaries, key=lambda summary: summary.task)
     return [table for _, group in groups for table in _tables_of_task(list(group), baseline)]
 
 
 def interval_notes(summaries: Sequence[Summary]) -> list[str]:
-    """Notes on the meaning of brackets, if there are any, and on too few seeds."""
+    """Notes that explain the brackets of intervals, if there are any, and warn about too few seeds."""
     sizes = [(summary.sample.label, summary.sample.n_seeds) for summary in summaries]
     brackets = ["[ ] 95 % bootstrap interval over seeds"] if max(size for _, size in sizes) > 1 else []
     return brackets + seed_warnings(sizes)
@@ -225,7 +239,7 @@ def name_columns(summaries: Sequence[Summary]) -> list[Column]:
 
 
 def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
-    """All numbers of `method_tables` in one table for csv files, a row per task, method and variant."""
+    """All numbers of `method_tables` in one table for csv files, with one row per task, method and variant."""
     layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
     keys = [
         *("task", "method", "variant", "seeds", "epochs", "goals", "learned"),
@@ -245,7 +259,7 @@ def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
 
 
 def run_table(results: Results, flat: bool = False) -> Table:
-    """A table of runs, at least one: identity, progress and learned goals. `flat` has the columns for csv files."""
+    """A table of one or more runs: identity, progress and learned goals. `flat` selects the columns for csv files."""
     ends = {run: rows.to_dict("records") for run, rows in results.layers.groupby("run", observed=True)}
     rows = [_run_row(run, ends[run["run"]], flat) for run in results.runs.to_dict("records")]
     layers = sorted(set(results.layers["layer"]) - {0})
