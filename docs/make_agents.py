@@ -13,17 +13,17 @@ DOCS = Path(__file__).parent
 PICTURES = DOCS / "images" / "agents"
 HEAD = """# Trained agents
 
-One a task and method, of the published set `{name}`; its [README](../results/{name}/agents/README.md) says of which
-run. Each film shows one episode, from seed 0, towards the first of the tallest goals. `make agents SET=results/{name}`
+One agent per task and method, from the published set `{name}`. Its [README](../results/{name}/agents/README.md) names the
+run of each. Each video shows one episode, from seed 0, with the first of the tallest goals. `make agents SET=results/{name}`
 writes this page.
 
-| agent | goal | reached | film |
+| agent | goal | reached | video |
 |---|---|---|---|
 """
 
 
 def row(folder: Path, name: str) -> str:
-    """A row of the table; films the agent of this name."""
+    """A row of the table; makes a video of the agent of this name."""
     record = read_record(folder / AGENTS / name)
     config, agent = load_agent(folder / record["config"]["task"] / method_of(record))
     space = task_spec(config.task).goal_space

@@ -18,9 +18,9 @@ from curiobench.files import reading, utf8
 
 _README = """# Trained agents
 
-One a task and method, of the best of the runs that still had a checkpoint when the set was published: the highest mean
-success over all goals at the last evaluation; of equals the lowest seed. `config.json` is that run's,
-`agent.safetensors` has what acting needs.
+One agent per task and method. It comes from the run with the highest mean success over all goals at the last
+evaluation (the lowest seed if several are equal), among the runs that had a checkpoint when the set was published.
+`config.json` is that run's. `agent.safetensors` holds what acting needs.
 
 | task | method | run | success | goals learned | bytes |
 |---|---|---|---|---|---|
