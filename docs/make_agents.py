@@ -13,9 +13,9 @@ DOCS = Path(__file__).parent
 PICTURES = DOCS / "images" / "agents"
 HEAD = """# Trained agents
 
-One agent per task and method, from the published set `{name}`. Its [README](../results/{name}/agents/README.md) names the
-run of each. Each video shows one episode, from seed 0, with the first of the tallest goals. `make agents SET=results/{name}`
-writes this page.
+One agent per task and method, from the published set `{name}`. Its [README](../results/{name}/agents/README.md) names
+the run of each. Each video shows one episode, from seed 0, with the first of the tallest goals.
+`make agents SET=results/{name}` writes this page.
 
 | agent | goal | reached | video |
 |---|---|---|---|
