@@ -191,7 +191,7 @@ class Curiosity:
         return {"method": state, "moments": self.moments.state_dict(), **own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore a `state_dict`. Raises MethodError where the method cannot load its part."""
+        """Restore a `state_dict`. Raises MethodError if the method cannot load its part."""
         self.moments.load_state_dict(state["moments"])
         self.factor, self.scale, self.updates = state["factor"], state["scale"], state["updates"]
         with blamed(self.method, "load_state_dict", self.updates):
