@@ -4,7 +4,7 @@ import math
 from typing import Any, Literal, get_args
 
 Sees = Literal["full", "positions", "blocks"]
-"""What of the state a method of state novelty sees: all, positions of hand and blocks, or of blocks alone."""
+"""Part of the state that a curiosity method gets: all, the positions of hand and blocks, or those of the blocks."""
 
 
 def check_positive(config: Any, *names: str) -> None:
@@ -22,7 +22,7 @@ def check_share(config: Any, *names: str) -> None:
 
 
 def check_option(config: Any, name: str, options: Any) -> None:
-    """Raise ValueError, with the value and the legal ones, unless a field of a config is one of a Literal's options."""
+    """Raise ValueError, with the value and the legal ones, unless a field of a config is an option of the Literal."""
     if getattr(config, name) not in get_args(options):
         legal = ", ".join(map(repr, get_args(options)))
         raise ValueError(f"{name} is {getattr(config, name)!r}; legal are {legal}")

@@ -1,12 +1,13 @@
 """Visit counts over semantic configurations: the plain count bonus (Strehl and Littman 2008, MBIE-EB).
 
-    N(c)  steps of collected episodes that led to the configuration c, the predicates that hold
+    c     a configuration: the predicates that hold in a state
+    N(c)  number of collected steps that led to c
     r_int = 1 / sqrt(max(1, N(c')))                    c' after the step
 
-The tasks' predicates are prior knowledge of what matters, as a hash of images is in #Exploration (Tang et al. 2017,
-arXiv 1611.04717). So this is a baseline to compare with, and no fair rival of methods that see the state alone.
+The tasks' predicates are prior knowledge of what matters, like the image hash in #Exploration (Tang et al. 2017,
+arXiv 1611.04717). So this is a baseline. Its comparison with methods that only get the state is not a fair one.
 
-Counts are of what was collected, not of what was sampled from the replay.
+Collected steps are counted. Samples from the replay are not.
 """
 
 from typing import Any
@@ -18,7 +19,7 @@ from curiobench.methods.curriculum import NoSettings
 from curiobench.methods.reward import Collected, IntrinsicReward, Transitions, given
 
 LARGEST_BITS = 62
-"""Predicates that fit the number which stands for a configuration."""
+"""Largest number of predicates, because a configuration is encoded as one int64."""
 
 
 class Counts(IntrinsicReward):
@@ -28,26 +29,26 @@ class Counts(IntrinsicReward):
 
     def __init__(self, state_size: int, action_size: int, config: NoSettings, generator: torch.Generator) -> None:
         self.codes = torch.zeros(0, dtype=torch.int64, device=generator.device)
-        """(C,) numbers of the configurations met, ascending."""
+        """(C,) codes of the configurations reached so far, ascending."""
         self.visits = torch.zeros(0, dtype=torch.int64, device=generator.device)
-        """(C,) N of each."""
+        """(C,) N of each configuration."""
 
     @staticmethod
     def code(achieved_goal: Tensor) -> Tensor:
-        """Numbers (...) of configurations (..., bits). Raises ValueError where there are too many bits."""
+        """Integer codes (...) of configurations (..., bits). Raises ValueError if there are too many bits."""
         bits = achieved_goal.shape[-1]
         if bits > LARGEST_BITS:
             raise ValueError(f"there are {bits} predicates; counts takes at most {LARGEST_BITS}")
         return (achieved_goal.long() << torch.arange(bits, device=achieved_goal.device)).sum(-1)
 
     def observe(self, episodes: Collected) -> None:
-        """Count where each step led."""
+        """Count the configuration that each step led to."""
         new, numbers = self.code(episodes.achieved_goals[:, 1:]).unique(return_counts=True)
         self.codes, places = torch.cat([self.codes, new]).unique(return_inverse=True)
         self.visits = torch.zeros_like(self.codes).scatter_add_(0, places, torch.cat([self.visits, numbers]))
 
     def number_of_visits(self, achieved_goal: Tensor) -> Tensor:
-        """N (B,) of configurations (B, bits); 0 where never met."""
+        """N (B,) of configurations (B, bits); 0 for one that was never reached."""
         if not len(self.codes):
             return torch.zeros(len(achieved_goal), dtype=torch.int64, device=achieved_goal.device)
         codes = self.code(achieved_goal)
@@ -61,7 +62,7 @@ class Counts(IntrinsicReward):
         return self.number_of_visits(reached).clamp(min=1).float().rsqrt()
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
-        """Nothing is learned from a batch. Metrics: counts_configurations, how many were met."""
+        """Learn nothing from a batch. Metrics: counts_configurations, the number of configurations reached so far."""
         return {"counts_configurations": torch.tensor(float(len(self.codes)))}
 
     def state_dict(self) -> dict[str, Any]:

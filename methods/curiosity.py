@@ -29,7 +29,7 @@ Maybe = TypeVar("Maybe", Tensor, Tensor | None)
 class Curiosity:
     """A method, the statistics that z-score its reward, and its weight tau.
 
-    Every call of the method goes through here, and raises MethodError where the method raises or breaks a rule of
+    Every call of the method goes through here. It raises MethodError if the method raises or breaks a rule of
     `IntrinsicReward`. SAC, the hybrid mechanism and the probe all use this class.
 
     Attributes:
@@ -51,10 +51,10 @@ class Curiosity:
         """
         Args:
             method: the curiosity method.
-            layout: where blocks stand in a state.
+            layout: columns of the blocks in a state.
             tau: weight of the normalised reward, before its factors.
             window: number of updates over which old statistics decay; None keeps all history.
-            device: of the statistics.
+            device: device of the statistics.
         """
         self.method, self._tau = method, tau
         self.moments = RunningMoments((), min_std=1e-8, window=window, device=device)
@@ -82,7 +82,7 @@ class Curiosity:
             batch: the raw batch, on any device and of any numeric type.
             epoch: on the paper's scale of 500.
             policy: for a method with `uses_policy`.
-            normalise: raw observations (..., D) to states.
+            normalise: maps raw observations (..., D) to states.
         """
         before, after = map(self.visible, states)
 
@@ -191,7 +191,7 @@ class Curiosity:
         return {"method": state, "moments": self.moments.state_dict(), **own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore a `state_dict`. Raises MethodError where the method cannot load its part."""
+        """Restore a `state_dict`. Raises MethodError if the method cannot load its part."""
         self.moments.load_state_dict(state["moments"])
         self.factor, self.scale, self.updates = state["factor"], state["scale"], state["updates"]
         with blamed(self.method, "load_state_dict", self.updates):

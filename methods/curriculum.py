@@ -1,6 +1,6 @@
-"""What a curriculum is: it decides which goals training episodes pursue, from how earlier episodes went.
+"""The interface of a curriculum, which chooses the goals of training episodes by the outcomes of earlier episodes.
 
-A run does, per cycle:
+In each cycle a run does:
 
     goals, tested = curriculum.draw(situation, generator)
     episodes towards these goals; the agent acts by its deterministic policy where `tested`
@@ -26,7 +26,7 @@ class Goals:
     layers: np.ndarray
     """`(G,)` height of the tallest stack, in blocks."""
     pairs: np.ndarray
-    """`(P, 3)` positions of close(i, j), on(i, j) and on(j, i) in a goal, for each pair of blocks."""
+    """`(P, 3)` indices of close(i, j), on(i, j) and on(j, i) in a goal, for each pair of blocks."""
 
     @property
     def close(self) -> np.ndarray:
@@ -36,12 +36,12 @@ class Goals:
 
 @dataclass(frozen=True)
 class Situation:
-    """What a curriculum can base its draw on."""
+    """What a curriculum knows when it draws goals."""
 
     reached: np.ndarray
     """`(G,)` bool, which goals an episode has ended in."""
     start: np.ndarray
-    """`(N, bits)` predicates that hold where each episode starts."""
+    """`(N, bits)` predicates that hold at the start of each episode."""
 
 
 @dataclass(frozen=True)
@@ -66,19 +66,19 @@ class Curriculum(GoalMethod):
 
     @abstractmethod
     def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Positions `(N,)` of goals in the list of valid ones, and `(N,)` bool: which episodes are tests, in which the
-        agent does not explore. All randomness from the generator.
+        """Indices `(N,)` of goals in the list of valid goals, and `(N,)` bool: which episodes are tests. The agent does
+        not explore in tests. All randomness comes from the generator.
         """
 
     def observe(self, goals: np.ndarray, reached: np.ndarray, tested: np.ndarray) -> None:
-        """Learn from N episodes: goals `(N,)` that they pursued, goals `(N,)` that they ended in (-1: none of the valid
-        ones), and which were tests `(N,)` bool. Episodes whose physics diverged are left out."""
+        """Learn from N episodes: the goals `(N,)` that they pursued, the goals `(N,)` that they ended in (-1 if that
+        goal is not valid), and `(N,)` bool: which were tests. Episodes whose physics diverged are left out."""
 
     def end_epoch(self) -> None:
         """Called after each epoch of training."""
 
     def replay_weights(self) -> np.ndarray | None:
-        """Probabilities `(G,)` with which the replay draws goals; None for its own way."""
+        """Probabilities `(G,)` with which the replay draws goals; None leaves the choice to the replay."""
         return None
 
     def metrics(self) -> Mapping[str, float]:

@@ -1,33 +1,33 @@
-"""DAC, diversity actor-critic (Han and Sung 2021, arXiv 2006.01419): novel is an action not taken here before.
+"""DAC, diversity actor-critic (Han and Sung 2021, arXiv 2006.01419): rewards actions that are new in a state.
 
-Instead of the entropy of the policy pi, that of a mixture is maximised: q_mix = alpha · pi + (1 - alpha) · q, where q
-is the distribution of the actions that the replay buffer holds. A network R estimates alpha · pi / q_mix:
+DAC maximises the entropy of a mixture instead of the policy's: q_mix = alpha · pi + (1 - alpha) · q, where q is the
+distribution of the actions in the replay buffer. A network R estimates alpha · pi / q_mix:
 
     ratio loss  = - mean over the batch of alpha · log R(s, a_pi) + (1 - alpha) · log(1 - R(s, a)),  a_pi ~ pi, a stored
     r_int       = - log q_mix(a | s) = log R(s, a) - log alpha - log pi(a | s),  clipped to ± dim(a)
     policy loss = temperature · (log pi(a_pi | s) - log R(s, a_pi)) - Q                 (`policy_loss_term` is - log R)
 
-R is a logistic regression between actions of pi and stored ones; R = alpha wherever the two are alike. `adapt_alpha`
-makes alpha(s) = 0.5 + 0.49 · sigmoid(network(s)), which descends
+R is a binary classifier between actions of pi and stored actions. R = alpha where both have the same density.
+`adapt_alpha` makes alpha(s) = 0.5 + 0.49 · sigmoid(network(s)), which minimises
 
     alpha loss = mean of alpha · (log R(s, a_pi) - log alpha - log pi(a_pi | s) - c) + (1 - alpha) · r_int(s, a)
 
 with c = -control · dim(a) and R held fixed: alpha rises above 0.5 where actions of pi are less surprising than stored
 ones by more than control · dim(a).
 
-Goals and relabelling. DAC regularises the entropy of actions rather than scoring states, so it is the one method here
-that sees goals: pi(a | s, g) depends on g, and R has to judge the same distribution. With hindsight, g is the
-relabelled goal: q is then the distribution of actions over transitions that were *relabelled* with g, and the reward
-of a transition changes with its goal. The paper has no goals.
+Goals and relabelling. DAC regularises the entropy of actions and does not score states. It is the one method here that
+gets goals as input: pi(a | s, g) depends on g, so R has to depend on g too. With hindsight, g is the relabelled goal.
+Then q is the distribution of actions over transitions that were *relabelled* with g, and the reward of a transition
+changes with its goal. The paper has no goals.
 
 Differences from the authors' code (seungyulhan/dac), which extends SAC with a state value function:
 
-- There the entropy of q_mix is part of the value: the policy's share, alpha · (log R - log alpha - log pi), and the
-  buffer's share, (1 - alpha) times what is r_int here. As a benchmarked *reward*, only the latter is given,
-  normalised and weighted like any other method's. Targets have SAC's own - log pi only if the agent's have it.
-- The policy's share is weighted by the agent's temperature there as here; in their code alpha(s) multiplies it, too.
-  With the fixed 0.5 that is a matter of scale; with `adapt_alpha` the term here does not follow alpha(s).
-- R is a perceptron of logits: log R = -softplus(-x) needs no small constant inside a logarithm.
+- In their code the entropy of q_mix is part of the value. It has two parts: the policy's, alpha · (log R - log alpha -
+  log pi), and the buffer's, (1 - alpha) · r_int. Here the reward is r_int, normalised and weighted like the reward of
+  any other method. The targets contain SAC's - log pi only if the agent has `entropy_in_targets`.
+- The policy's part is weighted by the agent's temperature in both. In their code alpha(s) is a further factor. With
+  the fixed 0.5 it only changes the scale. With `adapt_alpha` the term here does not follow alpha(s).
+- R is an MLP whose output x is a logit: log R = -softplus(-x) needs no small constant inside a logarithm.
 - The policy's term uses R after its update on the same batch.
 """
 
@@ -101,7 +101,7 @@ class DAC(LearnedReward):
         return F.logsigmoid(logit) - log_alpha - log_prob
 
     def clipped_surprise(self, logit: Tensor, log_alpha: Tensor, log_prob: Tensor) -> Tensor:
-        """`surprise` of stored actions, which may lie where pi has next to no density, within ± dim(a)."""
+        """`surprise` of stored actions, clipped to ± dim(a), because the density of pi may be almost 0 there."""
         return self.surprise(logit, log_alpha, log_prob).clamp(-self.action_size, self.action_size)
 
     @torch.no_grad()

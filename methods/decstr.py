@@ -1,24 +1,25 @@
 """DECSTR's curriculum (Akakzia et al. 2021, arXiv 2006.07185): practise where learning progresses.
 
-Goals stand in buckets. In a test an episode pursues a goal of a uniformly drawn bucket without exploring. Of the last w
-tests of bucket b
+Goals are sorted into buckets. Some episodes are tests: their goal is from a uniformly drawn bucket, and the agent does
+not explore. From the last w tests of bucket b:
 
     C_b  = success rate of the newer half                              competence
     LP_b = |success rate of the newer half - that of the older half|   learning progress
     p_b  = (1 - C_b) · LP_b / sum over buckets                         uniform where all of these are 0
 
-Other episodes pursue a uniform goal of a bucket drawn with p. The replay draws goals in the same way, and an episode
-that ended in that goal; any episode where none did. p changes at the end of an epoch.
+For each other episode, a bucket is drawn with probabilities p, then a goal of that bucket uniformly. The replay draws a
+goal in the same way, then an episode that ended in that goal, or any episode if none did. p changes at the end of an
+epoch.
 
 Differences from the authors' code (akakzia/decstr, goal_sampler.py):
 
-- Their C_b is the success rate of the older half, which looks like a slip: their list runs from the newest test to the
-  oldest. The paper has recent success.
-- They keep 1,800 tests a bucket and count none before there are more than 100. A run of theirs makes some 50,000 tests
-  a bucket, our laptop runs 1,400: the defaults here are 200 and 40.
-- Each episode is a test or none by a draw of its own; theirs decide for all of a worker's episodes together.
-- Their networks are not part of this: each curriculum runs on the agent that all methods have.
-- Their buckets are made by hand for three blocks. `buckets` says by a rule what they have in common.
+- Their C_b is the success rate of the older half. This looks like a bug: their list runs from the newest test to the
+  oldest, and the paper uses recent success.
+- They keep 1,800 tests per bucket, and use them only when there are more than 100. Their runs make some 50,000 tests
+  per bucket, ours with `laptop` 1,400. The defaults here are 200 and 40.
+- Each episode is drawn separately as a test or not. In their code one draw decides for all episodes of a worker.
+- Their networks are not part of this method. It uses the agent that all methods share.
+- Their buckets are listed by hand for three blocks. `buckets` computes them by a rule for any number of blocks.
 """
 
 from collections import deque
@@ -31,7 +32,7 @@ from curiobench.methods.checks import check_positive, check_share
 from curiobench.methods.curriculum import Curriculum, Goals, Situation
 
 FEW_CLOSE = 1
-"""Pairs that are close in a goal of the first bucket, at most."""
+"""Largest number of close pairs in a goal of the first bucket."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class DECSTRConfig:
     test_share: float = 0.1
     """Share of episodes that are tests, in [0, 1]; the authors'."""
     window: int = 200
-    """Tests a bucket, w, over which competence and progress are measured."""
+    """Tests per bucket, w, over which competence and progress are measured."""
     least: int = 40
-    """Tests before which a bucket has neither."""
+    """Smallest number of tests of a bucket from which they are measured."""
 
     def __post_init__(self) -> None:
         check_positive(self, "window", "least")
@@ -97,7 +98,7 @@ class DECSTR(Curriculum):
             self.tests[self.buckets[goal]].append(int(success))
 
     def end_epoch(self) -> None:
-        """Measure competence and progress anew."""
+        """Update competence and progress."""
         for bucket, tests in enumerate(self.tests):
             if len(tests) >= self.config.least:
                 older, newer = np.array_split(np.array(tests), 2)
@@ -109,7 +110,7 @@ class DECSTR(Curriculum):
         return self.probabilities[self.buckets] / np.bincount(self.buckets)[self.buckets]
 
     def metrics(self) -> dict[str, float]:
-        """decstr_p_b and decstr_competence_b of each bucket b, as of the last epoch's end."""
+        """decstr_p_b and decstr_competence_b of each bucket b at the end of the last epoch."""
         found = {"p": self.probabilities, "competence": self.competence}
         return {f"decstr_{name}_{b}": float(value) for name, values in found.items() for b, value in enumerate(values)}
 
@@ -119,7 +120,7 @@ class DECSTR(Curriculum):
         return {"tests": [list(tests) for tests in self.tests], **arrays}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore a `state_dict`. Raises ValueError where the number of buckets differs."""
+        """Restore a `state_dict`. Raises ValueError if the number of buckets differs."""
         if len(state["tests"]) != self.n_buckets:
             raise ValueError(f"the saved curriculum has {len(state['tests'])} buckets, not {self.n_buckets}")
         self.tests = [deque(tests, maxlen=self.config.window) for tests in state["tests"]]

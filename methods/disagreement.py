@@ -1,17 +1,17 @@
-"""Disagreement (Pathak et al. 2019, arXiv 1906.04161): novel is where models that learned the same disagree.
+"""Disagreement (Pathak et al. 2019, arXiv 1906.04161): rewards transitions on which models disagree.
 
     models   f_k(s, a), k = 1 … K, each from its own random weights
     r_int  = mean over dimensions of the variance over k of f_k(s, a)
-    loss   = sum over k of the mean of ‖f_k(s, a) - s'‖² / D over the transitions of a batch but every K-th
+    loss   = sum over k of the mean of ‖f_k(s, a) - s'‖² / D over a batch without every K-th transition
 
-What cannot be predicted at all does not stay novel: all models learn its mean, and agree.
+Noise does not stay novel: all models learn its mean and then agree.
 
 Differences from the authors' code (pathak22/exploration-by-disagreement), which works on images with PPO:
 
 - The models predict the normalised next state itself; theirs predict features of images.
-- Which transitions a model does without: theirs a random fifth of the batch, ours every K-th, another one for each
-  model. The order in a batch is random.
-- Perceptrons with two hidden layers; theirs are residual.
+- Each model leaves out part of the batch. In their code this is a random fifth, here every K-th transition, a
+  different one for each model. The order in a batch is random.
+- MLPs with two hidden layers; theirs are residual.
 - They differentiate the bonus with respect to the policy, as their paper proposes for short horizons. Here it is a
   reward like the others.
 """

@@ -1,17 +1,19 @@
-"""E3B, exploration via elliptical episodic bonuses (Henaff et al. 2022, arXiv 2210.05805): new within the episode.
+"""E3B, exploration via elliptical episodic bonuses (Henaff et al. 2022, arXiv 2210.05805).
+
+It rewards states that are new within the episode:
 
     phi(s)   features that let a network infer the action (ICM's inverse model)
-    C_t    = ridge · I + sum over i = 0 … t of phi(s_i) phi(s_i)ᵀ          the episode's states before
+    C_t    = ridge · I + sum over i = 0 … t of phi(s_i) phi(s_i)ᵀ          over the episode's states up to s_t
     r_int  = phi(s_{t+1})ᵀ C_t⁻¹ phi(s_{t+1})
     loss   = mean squared error of the inferred action
 
-A count of visits for continuous states: with one-hot features it is 1 / (visits + ridge).
+The bonus generalises visit counts to continuous states: with one-hot features it is 1 / (visits + ridge).
 
 Differences from the authors' code (facebookresearch/e3b), which works with IMPALA:
 
-- C_t is summed up from the whole episode for each sampled transition, with the features of today; theirs grows while
-  the episode is collected, with the features of then.
-- Perceptrons on the agent's normalised state.
+- C_t is computed from the stored episode for each sampled transition, with the present features. Theirs is updated
+  while the episode is collected, with the features at that time.
+- MLPs on the agent's normalised state.
 """
 
 from dataclasses import dataclass
@@ -59,7 +61,7 @@ class E3B(LearnedReward):
         features = self.phi(given(transitions.episode_states, "episode_states"))  # (B, T + 1, F)
         place = torch.arange(features.shape[1], device=features.device)
         before = place <= given(transitions.step, "step").unsqueeze(1)
-        visited = (features * before.unsqueeze(2)).double()  # in float32 a long rest makes C singular
+        visited = (features * before.unsqueeze(2)).double()  # in float32 C becomes singular if nothing moves
         ridge = self.config.ridge * torch.eye(features.shape[2], dtype=torch.float64, device=features.device)
         covariance = visited.mT @ visited + ridge
         reached = self.phi(transitions.next_state).unsqueeze(2).double()

@@ -1,6 +1,6 @@
-"""What a run demands of curricula and relabellings, so that a fault stops the run where it is made.
+"""Checks of what curricula and relabellings return, so that a fault stops the run where it occurs.
 
-What breaks a rule raises MethodError, which names the method and its file.
+A violation raises MethodError, which names the method and its file.
 """
 
 import json
@@ -17,7 +17,7 @@ from curiobench.methods.relabelling import Draw, Relabelling, Replay
 def goals_drawn(
     curriculum: Curriculum, situation: Situation, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a curriculum draws; raises MethodError unless it is N positions of goals and N bools."""
+    """The goals that a curriculum draws. Raises MethodError unless `draw` returns N indices of goals and N bools."""
     with blamed(curriculum, "draw"):
         goals, tested = curriculum.draw(situation, generator)
     n, n_goals = len(situation.start), len(situation.reached)
@@ -31,7 +31,7 @@ def goals_drawn(
 
 
 def goal_weights(curriculum: Curriculum) -> np.ndarray | None:
-    """Its weights `(G,)` for the replay, or None; raises MethodError unless they are at least 0, and not all are 0."""
+    """Weights `(G,)` for the replay, or None. Raises MethodError unless they are at least 0, and not all are 0."""
     with blamed(curriculum, "replay_weights"):
         weights = curriculum.replay_weights()
     if weights is None:
@@ -46,7 +46,7 @@ def goal_weights(curriculum: Curriculum) -> np.ndarray | None:
 
 
 def curriculum_metrics(curriculum: Curriculum) -> dict[str, float]:
-    """Its columns of progress.csv; raises MethodError unless they are finite numbers with names of their own."""
+    """Columns of progress.csv. Raises MethodError unless they are finite numbers, and no other column has the name."""
     with blamed(curriculum, "metrics"):
         metrics = dict(curriculum.metrics())
     if found := flaw_of_names(metrics):
@@ -58,7 +58,7 @@ def curriculum_metrics(curriculum: Curriculum) -> dict[str, float]:
 
 
 def curriculum_state(curriculum: Curriculum) -> dict[str, Any]:
-    """Its state; raises MethodError unless JSON can hold it."""
+    """State of the curriculum. Raises MethodError unless it is JSON-serialisable."""
     with blamed(curriculum, "state_dict"):
         state = curriculum.state_dict()
         json.dumps(state)
@@ -66,7 +66,7 @@ def curriculum_state(curriculum: Curriculum) -> dict[str, Any]:
 
 
 def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, generator: np.random.Generator) -> Draw:
-    """What a relabelling draws; raises MethodError unless it is `size` slots, steps and goals."""
+    """What a relabelling draws. Raises MethodError unless it is `size` slots, steps and goals."""
     with blamed(relabelling, "draw"):
         slot, step, desired = relabelling.draw(replay, size, generator)
     for what, positions, limit in (("slots", slot, len(replay)), ("steps", step, replay.steps)):
@@ -75,7 +75,7 @@ def transitions_drawn(relabelling: Relabelling, replay: Replay, size: int, gener
     shape = size, replay.arrays["desired_goal"].shape[-1]
     if not isinstance(desired, np.ndarray) or desired.shape != shape or desired.dtype != np.uint8:
         raise fault(relabelling, None, f"draw() returned {outline(desired)} as goals; expected uint8 of shape {shape}")
-    return slot.astype(np.int64), step.astype(np.int64), desired  # small integers would wrap in products
+    return slot.astype(np.int64), step.astype(np.int64), desired  # small integer types would overflow
 
 
 def _flaw_of_positions(positions: object, size: int, limit: int) -> str | None:

@@ -1,8 +1,8 @@
-"""What the agent demands of a curiosity method at run time, so that a fault stops the run where it is made.
+"""Run-time checks of what a curiosity method returns, so that a fault stops the run where it occurs.
 
-What breaks a rule raises MethodError, which names the method, its file and the update. The looks at shapes and types
-are free; those at values take microseconds on a CPU, and on CUDA, where they would make the device wait, they are made
-every CUDA_CHECK_EVERY updates. `Curiosity` asks for them.
+A violation raises MethodError, which names the method, its file and the update. Checks of shapes and types cost almost
+nothing. Checks of values take microseconds on a CPU. On CUDA they synchronise with the device, so they are made only
+every CUDA_CHECK_EVERY updates. `Curiosity` calls these functions.
 """
 
 import re
@@ -17,7 +17,7 @@ from torch import Tensor
 from curiobench.methods.plugins import Method, error_line, file_of
 
 CUDA_CHECK_EVERY = 100
-"""Updates from one check for non-finite values to the next on CUDA, where a check stalls the device; else it is 1."""
+"""Updates between checks for non-finite values on CUDA, where a check synchronises. A CPU checks every update."""
 TAKEN = frozenset(
     (
         "epoch", "steps", "updates", "episodes", "diverged", "training_success", "training_success_unsatisfied",
@@ -31,8 +31,8 @@ TAKEN = frozenset(
         "run", "task", "method", "variant", "seed",
     )
 )  # fmt: skip
-"""Columns of progress.csv, or of the frame that is made of it, that are a run's or an agent's own: a method's metrics
-have other names."""
+"""Columns of progress.csv, or of the data frame made from it, that belong to the run or the agent. A method's metrics
+must have other names."""
 _METRIC = re.compile(r"[A-Za-z_][\w./-]{0,99}", re.ASCII)
 """Names of metrics, which are columns of a csv file."""
 
@@ -42,13 +42,13 @@ class NonFiniteError(FloatingPointError):
 
 
 class MethodError(RuntimeError):
-    """A method raised, or returned what it must not; one line with its class, its file and, of a curiosity method, the
-    update."""
+    """A method raised an exception or returned an invalid value. The message is one line with the class, the file and,
+    for a curiosity method, the update."""
 
 
 @contextmanager
 def blamed(method: Method, call: str, update: int | None = None) -> Iterator[None]:
-    """Turn whatever a method's function `call` raises into a MethodError."""
+    """Turn any exception of a method's function `call` into a MethodError."""
     try:
         yield
     except (Exception, SystemExit) as error:
@@ -85,7 +85,7 @@ def flaw_of_term(term: object, size: int) -> str | None:
 def flaw_of_metrics(metrics: object, before: Collection[str] | None = None) -> str | None:
     """What is wrong with the form of the metrics of an update, and what was expected; None if nothing is.
 
-    `before` names those of the update before.
+    `before` has the names of the previous update's metrics.
     """
     if not isinstance(metrics, dict):
         return f"{outline(metrics)}; expected a dict of metrics"
@@ -110,7 +110,7 @@ def flaw_of_names(metrics: dict[Any, Any]) -> str | None:
 
 
 def flaw_of_state(state: object, name: str = "state") -> str | None:
-    """Where a state holds something else than dicts, lists and tuples of tensors and plain values; None if nowhere."""
+    """The first part of a state that is not a dict, list, tuple, tensor or plain value; None if there is none."""
     if isinstance(state, dict):
         parts = {f"{name}[{key!r}]": value for key, value in state.items()}
     elif isinstance(state, list | tuple):
@@ -123,7 +123,7 @@ def flaw_of_state(state: object, name: str = "state") -> str | None:
 
 
 def outline(value: object) -> str:
-    """What a value is, for messages."""
+    """Type and shape of a value, for messages."""
     if isinstance(value, np.ndarray):
         return f"a {value.dtype} array of shape {value.shape}"
     if not isinstance(value, Tensor):
@@ -133,7 +133,7 @@ def outline(value: object) -> str:
 
 
 def checks_values(tensor: Tensor, update: int) -> bool:
-    """Whether values are checked at this update; reading them from a GPU makes it wait."""
+    """Whether values are checked at this update. Reading them from a GPU synchronises with it."""
     return not tensor.is_cuda or update % CUDA_CHECK_EVERY == 0
 
 

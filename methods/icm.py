@@ -6,17 +6,17 @@
     r_int = (eta / 2) · ‖f(phi(s), a) - phi(s')‖²
     loss  = (1 - beta) · L_I + beta · L_F
 
-The inverse model teaches the encoder what the agent can influence; errors about the rest should not count. In
-practice some of the rest stays in phi, and what cannot be predicted stays "novel" forever (the noisy television).
+The inverse model trains the encoder to represent what the agent can influence, so that errors about the rest do not
+count. In practice some of the rest stays in phi, and what cannot be predicted stays novel forever (the noisy TV).
 
 Differences from the authors' code (pathak22/noreward-rl), which works on images with A3C:
 
-- Perceptrons on the agent's normalised state; actions are continuous, so the inverse loss is a squared error.
-- Which loss trains phi. In their code both do. Then features that are all alike are easy to predict, and L_F shrinks
-  them: the reward falls everywhere, also where nothing was learned. The later large-scale study (Burda et al. 2018,
-  arXiv 1808.04355) stops that gradient, and so does the default here: phi learns from the inverse loss alone.
-  `forward_trains_encoder` gives the original. With separate weights and Adam, beta then hardly matters.
-- Their code multiplies the whole loss by 10; here the learning rate is the agent's default, 1e-3 = 10 · 1e-4.
+- MLPs on the agent's normalised state; actions are continuous, so the inverse loss is a squared error.
+- In their code both losses train phi. Equal features are easy to predict, so L_F shrinks them, and the reward falls
+  everywhere, even where nothing was learned. The later large-scale study (Burda et al. 2018, arXiv 1808.04355) stops
+  that gradient, and so does the default here: phi learns from the inverse loss alone. The two losses then train
+  separate weights, so that with Adam beta hardly matters. `forward_trains_encoder` restores the original.
+- Their code multiplies the loss by 10; here the learning rate is the agent's default, 1e-3 = 10 · 1e-4.
 """
 
 from dataclasses import dataclass

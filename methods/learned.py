@@ -1,4 +1,4 @@
-"""What the built-in curiosity methods share: perceptrons, one gradient step, saving and restoring."""
+"""What the built-in curiosity methods share: MLPs, one gradient step, saving and restoring."""
 
 import copy
 import math
@@ -13,10 +13,10 @@ from curiobench.methods.reward import IntrinsicReward, Transitions
 
 
 def perceptron(sizes: Sequence[int], generator: torch.Generator, out_gain: float = math.sqrt(2.0)) -> nn.Sequential:
-    """Linear layers of these sizes, rectified in between. No normalisation: a reward depends on its transition alone.
+    """An MLP: linear layers of these sizes with ReLU in between.
 
-    Weights are orthogonal (Saxe et al. 2014, arXiv 1312.6120), times √2 before a rectifier, which keeps the scale of
-    activations; biases are zero.
+    It has no normalisation layers, so a reward depends on its transition alone. Weights are orthogonal (Saxe et al.
+    2014, arXiv 1312.6120), times √2 before a ReLU, which keeps the scale of activations. Biases are zero.
 
     Args:
         sizes: inputs, hidden units…, outputs.
@@ -41,7 +41,7 @@ def adam(networks: Iterable[nn.Module], learning_rate: float) -> torch.optim.Ada
 
 
 def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
-    """One step down the gradient of `loss` (), which reaches the optimiser's own weights and nothing else."""
+    """One optimiser step on `loss` (). Only the optimiser's own weights get gradients."""
     (group,) = optimiser.param_groups
     for weight, gradient in zip(group["params"], torch.autograd.grad(loss, group["params"]), strict=True):
         weight.grad = gradient
@@ -51,7 +51,7 @@ def descend(optimiser: torch.optim.Adam, loss: Tensor) -> None:
 class InverseFeatures(nn.Module):
     """Features phi(s) that let a network infer the action from phi(s) and phi(s') (Pathak et al. 2017).
 
-    They hold what the agent can influence. An encoder and the inverse network, each with one hidden layer.
+    They represent what the agent can influence. The encoder and the inverse network have one hidden layer each.
     """
 
     def __init__(
@@ -76,18 +76,18 @@ class InverseFeatures(nn.Module):
 
 
 class LearnedReward(IntrinsicReward):
-    """A method whose whole state lies in the attributes named in `_STATEFUL`: networks, optimisers, moments.
+    """A method whose state is in the attributes named in `_STATEFUL`: networks, optimisers, moments.
 
-    The generator is not among them: it is the agent's, which saves it.
+    The generator is not one of them, because it belongs to the agent, which saves it.
     """
 
     _STATEFUL: tuple[str, ...]
 
     def state_dict(self) -> dict[str, Any]:
-        """A copy of all that the method holds."""
+        """A copy of the method's state."""
         return copy.deepcopy({name: getattr(self, name).state_dict() for name in self._STATEFUL})
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore a `state_dict`. Raises KeyError, ValueError or RuntimeError where sizes differ."""
+        """Restore a `state_dict`. Raises KeyError, ValueError or RuntimeError if sizes differ."""
         for name in self._STATEFUL:
-            getattr(self, name).load_state_dict(copy.deepcopy(state[name]))  # optimisers keep what they are given
+            getattr(self, name).load_state_dict(copy.deepcopy(state[name]))  # optimisers keep references to it

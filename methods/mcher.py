@@ -1,14 +1,14 @@
-"""Multi-criteria HER (Lanier, McAleer, Baldi 2019, arXiv 1906.03710): each criterion of a goal relabelled on its own.
+"""Multi-criteria HER (Lanier, McAleer, Baldi 2019, arXiv 1906.03710): relabels each criterion of a goal separately.
 
-A goal of n blocks has a criterion for each pair of blocks: its three predicates, close(i, j), on(i, j) and on(j, i).
-With probability `relabel_share`, and independently of the others, a criterion becomes what the episode achieved at a
-step of its own, uniform over those after the transition; else it stays as it was pursued. So a batch also holds goals
-that are reached in part, and some that no placement of the blocks reaches.
+A goal of n blocks has one criterion per pair of blocks: its three predicates, close(i, j), on(i, j) and on(j, i). Each
+criterion is relabelled independently with probability `relabel_share`. It then gets the values that the episode
+achieved at a step of its own, drawn uniformly from the steps after the transition. Otherwise it keeps the values that
+were pursued. So a batch also contains goals that are reached in part, and some that no placement of the blocks reaches.
 
 What the paper leaves open, and what we chose:
 
-- Their criteria are the blocks' positions, each near its target or not. Predicates of a pair belong together: "a on b"
-  says that both are close.
+- Their criteria are the blocks' positions, each near its target or not. Here the predicates of a pair are one
+  criterion, because they depend on each other: "a on b" implies that both are close.
 - Episodes are drawn as for the other relabellings: balanced over the goals that they ended in.
 """
 
@@ -25,14 +25,14 @@ class MultiCriteriaHERConfig:
     """Settings of the relabelling."""
 
     relabel_share: float = 0.8
-    """Probability that a criterion is relabelled, in [0, 1]; hindsight's with k = 4."""
+    """Probability that a criterion is relabelled, in [0, 1]; that of HER with k = 4."""
 
     def __post_init__(self) -> None:
         check_share(self, "relabel_share")
 
 
 class MultiCriteriaHER(Relabelling):
-    """Hindsight for each pair of blocks on its own."""
+    """HER for each pair of blocks separately."""
 
     Config = MultiCriteriaHERConfig
 

@@ -1,7 +1,7 @@
-"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270): novel, but controlled.
+"""MI, decoupled mutual information (Han et al. 2023, doi 10.3389/fnbot.2023.1089270): rare, predictable states.
 
 The mutual information of the next state S' and the state-action pair C is H(S') - H(S'|C). Its two parts are
-estimated apart and added with weights of their own:
+estimated separately and added with separate weights:
 
     curiosity         r_H = log(m + mean over the k nearest particles p of ‖s' - p‖)                      (Eq. 9)
     conservativeness  r_C = log(m + D_G(s' | s, a)),  D_G a Gaussian, factored over dimensions           (Eq. 10)
@@ -9,23 +9,23 @@ estimated apart and added with weights of their own:
     lambda = min(1 - xi^epoch, beta) · sigma_H / sigma_C
     loss   = - mean over the batch of log D_G(s' | s, a)                                    (maximum likelihood)
 
-A transition scores high if few other states are like where it led, and if that is where the model expected it to
-lead. The paper's argument: a block that falls is as rare as one that is lifted, but its landing is not predicted as
-well. (docs/probes.md measures whether that is so.) lambda is 0 in epoch 0, so that the agent first explores. sigma_H
-and sigma_C are running standard deviations of the r_H and r_C of past batches.
+A transition has a high reward if few other states are similar to its next state, and if the model predicted that next
+state. The paper argues that a falling block is as rare as a lifted one, but that its landing is harder to predict.
+(docs/probes.md measures whether that is so.) lambda is 0 in epoch 0, so that the agent first explores. sigma_H and
+sigma_C are running standard deviations of the r_H and r_C of past batches.
 
 What the paper leaves open, and what we chose:
 
-- The particles are drawn uniformly over the replay. The minibatch is balanced over goals: in it a state of a goal that
-  is seldom reached has as many neighbours as one of a common goal, and is no more novel.
+- The particles are drawn uniformly from the replay instead of taken from the minibatch. The minibatch is balanced over
+  goals: in it a state of a rarely reached goal has as many neighbours as one of a common goal, and is not more novel.
 - D_G overflows in many dimensions, so r_C is computed as log m + softplus(log D_G - log m): softplus(log D_G) for
-  m = 1. It is about log D_G where the model is sharp, and 0 wherever log D_G is well below 0: a state that the model
-  does not know loses nothing but the bonus, and curiosity decides.
-- Mean and log-std come from one perceptron; the log-std is squashed into a range. Its lower end says which precision
-  counts no more: else a dimension that never moves would be infinitely sharp and outweigh all others. Squashed, not
-  clipped: at a clipped bound the gradient vanishes, and a model that became too sure could not recover.
-- The mean is s' itself, not a change added to s: that would be sharp from the start for whatever stands still, also
-  where the model has never been.
+  m = 1. It is about log D_G where the model is sharp, and 0 where log D_G is well below 0. A state that the model
+  does not know only loses this bonus, and curiosity decides.
+- Mean and log-std come from one MLP. The log-std is squashed into a range, and precision beyond its lower end does not
+  count. Otherwise a dimension that never changes would be infinitely sharp and outweigh all others. The log-std is not
+  clipped, because the gradient vanishes at a clipped bound and an overconfident model could not recover.
+- The network predicts s' and not a change of s. A predicted change would be accurate from the start for everything
+  that does not move, even in states that the model was never trained on.
 - sigma_C in lambda is at least LEAST_SPREAD.
 - The "reparameterisation trick" that the paper mentions is not needed: nothing is sampled.
 - The paper's list of settings calls xi "gamma" once.
@@ -45,8 +45,8 @@ from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
 
 LEAST_SPREAD = 0.1
-"""Lower bound of sigma_C in lambda, in nats. While D_G is still flat, r_C is 0 everywhere and sigma_C too: the first
-state that it predicts would be worth thousands of others. A trained one has tens."""
+"""Lower bound of sigma_C in lambda, in nats. While D_G is still flat, r_C and sigma_C are 0. Without the bound, the
+first state that it predicts would be worth thousands of others. With a trained D_G, sigma_C is tens of nats."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,10 @@ class MIConfig:
     min_log_std: float = -3.0
     """Lower end of the density's log-std: errors below 5 % of a dimension's usual spread count as none."""
     max_log_std: float = 2.0
-    """Upper end: a standard deviation beyond the clipped range of normalised states says nothing more."""
+    """Upper end of the log-std. A larger standard deviation than the clipped range of states makes no difference."""
     sees: Sees = "full"
-    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
-    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
+    """Part of the state that it gets: all (full; the paper's), positions of hand and blocks (positions), or of the
+    blocks alone (blocks). Most of the distance between full states is that of angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "m", "particles", "hidden", "learning_rate")
@@ -101,7 +101,7 @@ class MI(LearnedReward):
         self._last: tuple[Transitions, Tensor] | None = None
 
     def curiosity(self, transitions: Transitions) -> Tensor:
-        """r_H (B,). Found once for a batch that is passed twice, to `reward` and then to `update`."""
+        """r_H (B,). Computed once for a batch that is passed to `reward` and then to `update`."""
         if self._last is None or self._last[0] is not transitions:
             distance = neighbour_distances(transitions.next_state, transitions.particles, self.config.k).mean(1)
             self._last = transitions, (self.config.m + distance).log()
@@ -134,9 +134,9 @@ class MI(LearnedReward):
         return curiosity + self.weight(transitions.epoch).to(curiosity.dtype) * conservativeness
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
-        """One step of the density network; the batch joins the statistics.
+        """One step of the density network. Adds the batch to the statistics.
 
-        Metrics, as the reward of this batch had them: mi_curiosity and mi_conservativeness, the means of r_H and r_C;
+        Metrics, with the values in this batch's reward: mi_curiosity and mi_conservativeness, the means of r_H and r_C;
         mi_weight, lambda; mi_density_loss, the mean of -log D_G.
         """
         log_density = self.log_density(transitions)

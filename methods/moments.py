@@ -1,23 +1,24 @@
-"""Running mean and standard deviation: one class, for observations, goals and rewards alike."""
+"""Running mean and standard deviation of observations, goals and rewards."""
 
 import torch
 from torch import Tensor
 
 
 class RunningMoments:
-    """Mean and standard deviation of everything passed to `update`, or of what was passed lately, in float64.
+    """Mean and standard deviation of all samples passed to `update`, or of recent ones, in float64.
 
-    Batches are merged by the parallel formula of Chan, Golub and LeVeque (1983), which loses no precision where
-    the mean is large beside the spread:
+    Batches are merged by the parallel formula of Chan, Golub and LeVeque (1983), which loses no precision if the mean
+    is much larger than the spread:
 
         delta = mean_b - mean,  n' = n + n_b
         mean' = mean + delta · n_b / n'
         m2'   = m2 + m2_b + delta² · n · n_b / n'          variance = m2 / n (population)
 
-    With a window of w updates, n and m2 shrink by 1 - 1/w before each merge. Mean and variance then are those of all
-    samples, each with the weight (1 - 1/w)^(updates since); that these add up to n corrects the bias of the start.
+    With a window of w updates, n and m2 are multiplied by 1 - 1/w before each merge. Mean and variance are then
+    exponentially weighted: each sample has the weight (1 - 1/w)^(updates since). The weights add up to n, so there is
+    no bias at the start.
 
-    `normalise` never updates: evaluation and reward normalisation read past statistics only.
+    `normalise` never updates: evaluation and reward normalisation use past statistics only.
     """
 
     def __init__(
@@ -32,10 +33,10 @@ class RunningMoments:
         Args:
             shape: shape of one sample; `()` for scalars such as rewards.
             clip: normalised values are clipped to ±clip.
-            min_std: lower bound of the standard deviation, in the samples' unit; keeps what hardly varies from being
-                blown up, and a single sample from dividing by zero.
-            window: w, at least 1; None forgets nothing.
-            device: where the statistics live.
+            min_std: lower bound of the standard deviation, in the samples' unit. It keeps values that hardly vary from
+                being amplified, and avoids a division by zero after a single sample.
+            window: w, at least 1; None keeps all history.
+            device: device of the statistics.
         """
         self.shape, self.clip, self.min_std, self.window = shape, clip, min_std, window
         self.count = torch.zeros((), dtype=torch.float64, device=device)
@@ -57,7 +58,7 @@ class RunningMoments:
     def update(self, samples: Tensor) -> None:
         """Merge samples (..., *shape) into the statistics. An empty batch changes nothing.
 
-        Raises ValueError where the trailing shape differs from `shape`.
+        Raises ValueError if the trailing shape differs from `shape`.
         """
         if samples.shape[samples.dim() - len(self.shape) :] != self.shape:
             raise ValueError(f"samples have shape {tuple(samples.shape)}; expected (..., {self.shape})")
@@ -84,7 +85,7 @@ class RunningMoments:
         return {"count": self.count.clone(), "mean": self.mean.clone(), "m2": self.m2.clone()}
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        """Restore a `state_dict`. Raises ValueError where a shape differs."""
+        """Restore a `state_dict`. Raises ValueError if a shape differs."""
         for name in ("count", "mean", "m2"):
             own = getattr(self, name)
             if state[name].shape != own.shape:

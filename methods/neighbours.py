@@ -7,11 +7,12 @@ from torch import Tensor
 def neighbour_distances(points: Tensor, particles: Tensor | None, k: int) -> Tensor:
     """Euclidean distances from each point to the k nearest particles.
 
-    A point may be among the particles, if both are drawn from one replay: its nearest neighbour then is itself. With
-    512 particles of a million states that happens to one point in 2,000, and then one of its k distances is 0.
+    If points and particles are drawn from the same replay, a point may be one of the particles. Its nearest neighbour
+    is then itself, and one of its k distances is 0. With 512 particles from a million states, this happens to one point
+    in 2,000.
 
     Args:
-        points: (N, D). In no need of gradients.
+        points: (N, D). They get no gradients.
         particles: (P, D), P >= k.
         k: how many neighbours, at least 1.
 

@@ -1,4 +1,6 @@
-"""The episodic bonus of NGU, never give up (Badia et al. 2020, arXiv 2002.06038): far from all that the episode met.
+"""The episodic bonus of NGU, never give up (Badia et al. 2020, arXiv 2002.06038).
+
+It rewards states that are far from all earlier states of the episode:
 
     phi(s)   features that let a network infer the action
     d_i²     squared distance of phi(s_{t+1}) to the i-th nearest of phi(s_0) … phi(s_t), i = 1 … k
@@ -9,10 +11,11 @@
 
 Differences from the paper:
 
-- Its other factor, RND's error over the whole of training, is not part of this: `rnd` is a method of its own.
-- While an episode has fewer than k steps behind it, the sum is over those.
-- Perceptrons on the agent's normalised state; its features come from a network trained on images.
-- d_m² is a running mean over batches that forgets, here of 1 - 1/100 an update; the paper does not say.
+- The paper multiplies this bonus by RND's error over all of training. That factor is left out; `rnd` is a separate
+  method.
+- If an episode has fewer than k earlier states, the sum is over those.
+- MLPs on the agent's normalised state; the paper's features come from a network trained on images.
+- d_m² is an exponential moving average over batches. Its decay here is 1 - 1/100 per update; the paper does not say.
 """
 
 from dataclasses import dataclass
@@ -26,7 +29,7 @@ from curiobench.methods.moments import RunningMoments
 from curiobench.methods.reward import Transitions, given
 
 WINDOW = 100
-"""Updates over which the running mean of distances forgets."""
+"""Window of the running mean of distances, in updates."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class NGUConfig:
     k: int = 10
     """Nearest steps of the episode; the paper's."""
     epsilon: float = 1e-3
-    """Of the kernel; the paper's."""
+    """Constant of the kernel; the paper's."""
     cluster: float = 8e-3
     """Relative squared distance below which steps count as the same; the paper's."""
     c: float = 1e-3
@@ -69,9 +72,9 @@ class NGU(LearnedReward):
         self._last: tuple[Transitions, Tensor] | None = None
 
     def nearest(self, transitions: Transitions) -> Tensor:
-        """d_i² (B, k) in ascending order; infinite where the episode has fewer steps behind it.
+        """d_i² (B, k) in ascending order; infinite where there are fewer than k earlier states.
 
-        Found once for a batch that is passed twice, to `reward` and then to `update`.
+        Computed once for a batch that is passed to `reward` and then to `update`.
         """
         if self._last is None or self._last[0] is not transitions:
             self._last = transitions, self._nearest(transitions)
@@ -89,17 +92,17 @@ class NGU(LearnedReward):
     def reward(self, transitions: Transitions) -> Tensor:
         """r_int (B,)."""
         config, nearest = self.config, self.nearest(transitions)
-        of_batch = nearest[nearest.isfinite()].double().mean()  # before there is a past
+        of_batch = nearest[nearest.isfinite()].double().mean()  # before the first update
         usual = torch.where(self.distances.count > 0, self.distances.mean, of_batch).clamp(min=1e-8).float()
         relative = (nearest / usual - config.cluster).clamp(min=0)
         similarity = (config.epsilon / (relative + config.epsilon)).sum(1).sqrt() + config.c
         return torch.where(similarity > config.most, 0.0, 1 / similarity)
 
     def update(self, transitions: Transitions) -> dict[str, Tensor]:
-        """One step of the features; the distances join their mean. Metrics: ngu_inverse_loss, ngu_distance (d_m²)."""
+        """One step of the features. Adds the distances to d_m². Metrics: ngu_inverse_loss, ngu_distance (d_m²)."""
         nearest = self.nearest(transitions)
         self.distances.update(nearest[nearest.isfinite()])
         loss = self.phi.loss(*self.phi.of(transitions), transitions.action)
         descend(self.optimiser, loss)
-        self._last = None  # the features are others now
+        self._last = None  # the features have changed
         return {"ngu_inverse_loss": loss.detach(), "ngu_distance": self.distances.mean.clone()}

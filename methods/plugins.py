@@ -1,12 +1,11 @@
-"""Methods from outside this package: by `package.module:Class`, or by a name that an installed package gives.
+"""Methods from outside this package, by `package.module:Class` or by the entry point of an installed package.
 
-Such a package names its classes in the entry-point group `curiobench.methods`; in its pyproject.toml:
+A package registers its classes in the entry-point group `curiobench.methods`, in its pyproject.toml:
 
     [project.entry-points."curiobench.methods"]
     mine = "my_pkg.curiosity:Mine"
 
-Nothing is imported before a spec asks for it. Whatever is wrong with a plug-in becomes one ValueError that names spec
-and file.
+A plug-in is only imported when a spec names it. Any error in a plug-in becomes one ValueError that names spec and file.
 """
 
 import hashlib
@@ -31,11 +30,11 @@ Method = IntrinsicReward | Curriculum | Relabelling
 """Kinds of methods."""
 
 PLAIN = (bool, int, float, str, NoneType)
-"""Types of settings that survive JSON, alone or as alternatives; beside them a Literal of strings."""
+"""Types of settings that JSON can store, alone or in a union. A Literal of strings is also allowed."""
 
 
 def load_installed(name: str) -> type[Method]:
-    """The class behind an entry point. Raises ValueError as `load_class`, and where two packages give that name."""
+    """The class behind an entry point. Raises ValueError like `load_class`, and if two packages use that name."""
     values = installed_methods()[name]
     if len(values) > 1:
         raise ValueError(
@@ -47,15 +46,16 @@ def load_installed(name: str) -> type[Method]:
 def load_class(path: str, spec: str) -> type[Method]:
     """Import a method.
 
-    The current directory is searched last: `curiobench` as a console script does not search it at all, `python -m
-    curiobench` first, and a file there should not be able to take the place of an installed package.
+    If the current directory is not on sys.path, it is appended at the end, so that a file there cannot replace an
+    installed package. The console script `curiobench` does not have it there; `python -m curiobench` has it first.
 
     Args:
         path: `package.module:Class`.
-        spec: how to call it in messages.
+        spec: its name in messages.
 
     Raises:
-        ValueError: no such module or class, an import that raises, or a class that is no method; one line.
+        ValueError: no such module or class, an import that raises, or a class that is not a method. The message is one
+            line.
     """
     module_name, _, class_name = path.partition(":")
     if not all(part.isidentifier() for part in [*module_name.split("."), class_name]):
@@ -66,7 +66,7 @@ def load_class(path: str, spec: str) -> type[Method]:
     where = f"method {spec!r} in {getattr(module, '__file__', None) or module_name}"
     try:
         found = getattr(module, class_name, None)
-    except (Exception, SystemExit) as error:  # a module can compute its names
+    except (Exception, SystemExit) as error:  # a module can define __getattr__
         raise ValueError(f"{where}: looking for {class_name} raised {error_line(error)}") from error
     if found is None:
         methods = [name for name, value in vars(module).items() if _is_method(value)]
@@ -81,7 +81,7 @@ def load_class(path: str, spec: str) -> type[Method]:
 
 
 def _import(name: str, spec: str) -> ModuleType:
-    importlib.invalidate_caches()  # a file may be seconds old
+    importlib.invalidate_caches()  # the file may be newer than the import caches
     try:
         return importlib.import_module(name)
     except (Exception, SystemExit) as error:
@@ -94,7 +94,7 @@ def _import(name: str, spec: str) -> ModuleType:
 
 
 def _culprit(error: BaseException) -> str:
-    """File and line of the source that an import failed in."""
+    """File and line at which an import failed."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}"
     frames = traceback.extract_tb(error.__traceback__)
@@ -113,7 +113,7 @@ def _is_method(value: Any) -> bool:
 
 
 def _check_config(method: type[Method], where: str) -> None:
-    """Raise ValueError unless `Config` can be shown as flags, kept as JSON and made without arguments."""
+    """Raise ValueError unless `Config` can be turned into flags, stored as JSON and created without arguments."""
     where = f"{where}: {method.__name__}.Config"
     config = getattr(method, "Config", None)
     frozen = getattr(getattr(config, "__dataclass_params__", None), "frozen", False)
@@ -140,7 +140,7 @@ def _is_plain(hint: Any) -> bool:
 
 @contextmanager
 def building(method: type[Method], spec: str) -> Iterator[None]:
-    """Turn whatever a method's constructor raises into one ValueError that names spec and file."""
+    """Turn any exception of a method's constructor into a ValueError that names spec and file."""
     try:
         yield
     except Exception as error:
@@ -148,14 +148,14 @@ def building(method: type[Method], spec: str) -> Iterator[None]:
 
 
 def file_of(method: type[Method]) -> str:
-    """Path of the file that a method's class is written in; its module's name where there is none, as in a session."""
+    """Path of the file that defines a method's class; the module's name if there is none, as in a REPL session."""
     return getattr(sys.modules.get(method.__module__), "__file__", None) or method.__module__
 
 
 def trace(method: type[Method]) -> dict[str, str]:
-    """Where a method from outside comes from, for the record of a run: `method_file` and `method_sha256`.
+    """Source of a method from outside this package, for the record of a run: `method_file` and `method_sha256`.
 
-    The digest covers the file of the class and not what that file imports.
+    The digest covers the file of the class, but not the files that it imports.
     """
     path = file_of(method)
     digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""

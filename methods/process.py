@@ -12,9 +12,9 @@ _MEGABYTE = 1 << 20
 def tune_process(threads: int = 1) -> None:
     """Call once, before training.
 
-    Sets torch's number of threads: at these sizes a second one costs more than it brings. And tells glibc's allocator
-    to keep freed memory: by default large arrays are fresh from the kernel each time, and the page faults took 7 to
-    30 % of an update. Elsewhere than on Linux with glibc only the threads are set.
+    Sets torch's number of threads. With networks this small, a second thread costs more time than it saves. It also
+    makes glibc's allocator keep freed memory. By default the kernel provides large arrays anew each time, and the page
+    faults took 7 to 30 % of an update. On systems other than Linux with glibc only the threads are set.
     """
     torch.set_num_threads(threads)
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None

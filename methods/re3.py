@@ -2,24 +2,25 @@
 
     y = encoder(s'), fixed and random
     r_int = beta · log(1 + ‖y - k-th nearest neighbour of y‖)      among the features of particles, states of the replay
-    tau_t = tau · (1 - decay)^t                            its weight, once normalised; t counts the authors' updates
+    tau_t = tau · (1 - decay)^t                    weight of the normalised r_int; t counts the authors' updates
 
-an estimate of the entropy of visited states up to constants. Distances in the space of a random network resemble
-those between states; as nothing is trained, the reward changes only with what was visited.
+The mean of the logarithms estimates the entropy of visited states up to constants. Distances between features of a
+random network are similar to distances between states. Nothing is trained, so the reward changes only with the visited
+states.
 
 Differences from the authors' code (younggyoseo/RE3), which works on images with RAD, Dreamer and A2C:
 
-- Neighbours are searched among a uniform sample of the buffer, drawn for each batch, not in the whole buffer.
-  Distances are larger by a factor that hardly depends on the state, which the agent's normalisation takes out. What
-  is lost is fine structure: of 512 particles, the third neighbour may be far.
-- Features are computed for every batch instead of stored: the encoder is fixed, but the agent's running normalisation
-  of states moves.
-- The state that an action led to, s', is rewarded, not the one it was taken in: the same one step later, except that
-  the last state of an episode counts too.
-- A perceptron without the layer norm and tanh that end the authors' convolutional encoder: in a bounded space far
-  states would look alike.
-- The weight decays over a run as over theirs, whatever the run's length. They divide by a running standard deviation,
-  then multiply by 0.05 · (1 - 1e-5)^t (`beta` in rad_re3/re3.py), t up to 250,000: 500,000 frames, two an action.
+- Neighbours are searched in a uniform sample of the buffer, drawn for each batch, and not in the complete buffer. This
+  makes distances larger by a factor that hardly depends on the state, and the agent's normalisation removes it. Fine
+  structure is lost: among 512 particles, the third neighbour may be far.
+- Features are computed for every batch and not stored. The encoder is fixed, but the agent's running normalisation of
+  states changes.
+- The reward is for the next state s', not for s. This only shifts rewards by one step, except that the last state of
+  an episode counts too.
+- The encoder is an MLP. It lacks the final layer norm and tanh of the authors' convolutional encoder: bounded features
+  make distances between far states small.
+- The weight decays over a run of any length as it does over theirs. They divide by a running standard deviation, then
+  multiply by 0.05 · (1 - 1e-5)^t (`beta` in rad_re3/re3.py). Their t goes up to 250,000: 500,000 frames, 2 per action.
 - log(1 + distance) as in the paper; their code takes the distance itself in RAD.
 """
 
@@ -34,7 +35,7 @@ from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
 
 UPDATES_AN_EPOCH = 500
-"""Of the authors' 250,000, when a run has 500 epochs."""
+"""The authors' 250,000 updates, divided by the 500 epochs of a run."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class RE3Config:
     features: int = 50
     """Outputs of the encoder; the authors'."""
     sees: Sees = "full"
-    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
-    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
+    """Part of the state that it gets: all (full; the paper's), positions of hand and blocks (positions), or of the
+    blocks alone (blocks). Most of the distance between full states is that of angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "particles", "beta", "hidden", "features")

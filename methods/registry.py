@@ -1,4 +1,4 @@
-"""The methods that `specs.BUILT_IN` names, and how a method spec such as `sac` becomes an agent.
+"""Classes of the methods in `specs.BUILT_IN`, and functions that make an agent from a method spec such as `sac`.
 
 A method is a class of one of three kinds: an intrinsic reward, a curriculum or a relabelling.
 
@@ -46,11 +46,11 @@ class MethodSpec:
     """A parsed method spec."""
 
     text: str
-    """The spec's one form: aliases resolved, in lower case but for `package.module:Class`."""
+    """Canonical form of the spec: aliases resolved, lower case except for `package.module:Class`."""
     method: type[Method] | None
     """The class; None for `sac`."""
     hybrid: bool = False
-    """Whether the hybrid policy mechanism collects."""
+    """Whether the hybrid policy mechanism collects the data."""
 
     @property
     def reward(self) -> type[IntrinsicReward] | None:
@@ -74,7 +74,7 @@ class MethodSpec:
 def parse_spec(text: str) -> MethodSpec:
     """Read a method spec: one of `available_specs`, `package.module:Class`, or `package.module:Class+hm`.
 
-    Raises ValueError, which names the nearest legal spec, or what is wrong with a method from outside and its file.
+    Raises ValueError. It names the nearest legal spec or, for a method from outside, its file and what is wrong.
     """
     spec = canonical(text)
     name, hybrid = split(spec)
@@ -98,7 +98,7 @@ def parse_spec(text: str) -> MethodSpec:
 
 
 def traced(spec: str) -> dict[str, str]:
-    """File and digest of a spec's method, by `plugins.trace`; nothing where it is built in."""
+    """File and digest of a spec's method, by `plugins.trace`; empty for a built-in method."""
     method = parse_spec(spec).method
     return {} if method is None or method in _BUILT_IN.values() else trace(method)
 
@@ -115,15 +115,16 @@ def make_agent(
 
     Args:
         spec: see `parse_spec`.
-        layout: where blocks and predicate bits stand in observations and goals.
+        layout: columns of blocks and predicate bits in observations and goals.
         config: settings of the agent.
         generator: source of all randomness of agent and method.
         hybrid: settings of the hybrid policy mechanism, used with `+hm` only; its defaults if None.
-        settings: of the method, an instance of its `Config`; its defaults if None. A curriculum or relabelling is no
-            part of the agent.
+        settings: settings of the method, an instance of its `Config`; its defaults if None. Not used for a curriculum
+            or relabelling, which is not part of the agent.
 
     Raises:
-        ValueError: no legal spec, or the curiosity method cannot be built; one line that names its file.
+        ValueError: the spec is not legal, or the curiosity method cannot be built. The message is one line and names
+            the method's file.
     """
     parsed = parse_spec(spec)
     if parsed.reward is None:
@@ -139,6 +140,6 @@ def _build(
 ) -> IntrinsicReward:
     goals = {"goal_size": layout.goal_size} if method.uses_policy else {}
     state_size = len(layout.columns(getattr(settings, "sees", "full")))
-    make: Callable[..., IntrinsicReward] = method  # what it takes is convention, see `IntrinsicReward`
+    make: Callable[..., IntrinsicReward] = method  # arguments by convention, see `IntrinsicReward`
     with building(method, spec):
         return make(state_size, layout.action_size, settings, generator, **goals)

@@ -1,4 +1,4 @@
-"""What a relabelling is: it decides which transitions of the replay a batch holds, and under which goals."""
+"""The interface of a relabelling, which draws the transitions of a batch from the replay and chooses their goals."""
 
 from abc import abstractmethod
 from typing import Protocol
@@ -20,18 +20,18 @@ class Replay(Protocol):
     """achieved_goal `(capacity, T + 1, bits)`, desired_goal `(capacity, bits)`, observation and action by slot; the
     first `len(replay)` slots are filled."""
     goal_ids: np.ndarray
-    """`(capacity, T + 1)` position of the achieved goal among the valid ones, -1 where it is none of them."""
+    """`(capacity, T + 1)` index of the achieved goal in the list of valid goals, -1 if it is not valid."""
 
     def __len__(self) -> int: ...
 
     def draw_episodes(self, uniform: np.ndarray) -> np.ndarray:
-        """Slots `(B,)` from uniform numbers `(2, B)`: as balanced over goals as the run asks for."""
+        """Slots `(B,)` from uniform numbers `(2, B)`, balanced over goals according to the run's settings."""
         ...
 
 
 class Relabelling(GoalMethod):
-    """Draws transitions. It keeps no state: a checkpoint does not hold it."""
+    """Draws transitions. It is stateless, so checkpoints do not save it."""
 
     @abstractmethod
     def draw(self, replay: Replay, size: int, generator: np.random.Generator) -> Draw:
-        """`size` transitions; all randomness from the generator."""
+        """Draw `size` transitions. All randomness comes from the generator."""

@@ -47,13 +47,13 @@ class Batch:
     particles: Tensor | None = None
     """(P, D) observations drawn uniformly over all steps of the replay; only for a method that asks for them."""
     episode_observation: Tensor | None = None
-    """(B, T + 1, D) of each transition's whole episode; only for a method that asks for them."""
+    """(B, T + 1, D) of each transition's complete episode; only for a method with `uses_episode`."""
     episode_achieved_goal: Tensor | None = None
     """(B, T + 1, bits) likewise."""
 
     @classmethod
     def from_numpy(cls, arrays: Mapping[str, np.ndarray | None]) -> "Batch":
-        """Arrays named like the fields, shared without copying. Raises TypeError on a missing or unknown name."""
+        """A batch that shares memory with arrays named like its fields. Raises TypeError if names do not match."""
         return cls(**{name: torch.from_numpy(array) for name, array in arrays.items() if array is not None})
 
 
@@ -107,9 +107,9 @@ class Transitions:
     """(B,) number of the episode, counted over the run."""
     episode_states: Tensor | None = None
     """(B, T + 1, D) states of the transition's episode, normalised and clipped to ±5; only for a method with
-    `uses_episode`. The transition leads from place `step` to the next."""
+    `uses_episode`. The transition leads from index `step` to `step + 1`."""
     episode_achieved_goals: Tensor | None = None
-    """(B, T + 1, bits) predicates that hold in them; likewise."""
+    """(B, T + 1, bits) predicates that hold in `episode_states`; only for a method with `uses_episode`."""
 
     def rows(self, places: Tensor) -> "Transitions":
         """The transitions at indices (N,) of the batch."""
@@ -122,7 +122,7 @@ class Transitions:
 
 
 def given(part: Part | None, name: str) -> Part:
-    """A part of `Transitions` that a method reads; raises ValueError where the caller left it out."""
+    """A part of `Transitions` that a method reads; raises ValueError if the caller left it out."""
     if part is None:
         raise ValueError(f"this method needs `Transitions.{name}`, which is None")
     return part

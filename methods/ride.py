@@ -1,17 +1,17 @@
 """RIDE, rewarding impact-driven exploration (Raileanu and Rocktäschel 2020, arXiv 2002.12292).
 
-    phi(s)   features that let a network infer the action, and a forward model predict the next (ICM's networks)
+    phi(s)   features trained by an inverse and a forward model (ICM's networks)
     r_int  = ‖phi(s') - phi(s)‖ / sqrt(N_ep(s'))
     loss   = inverse loss + forward_weight · ½ ‖f(phi(s), a) - phi(s')‖²
 
-N_ep(s') counts how often the episode was where s' is, s' included. The agent is paid for changing its world, and less
-each time it comes back to what it had.
+N_ep(s') counts the visits to s' in the episode, including this one. The agent is rewarded for changing the state, and
+less each time it returns to an earlier one.
 
 Differences from the authors' code (facebookresearch/impact-driven-exploration), which works on grids with IMPALA:
 
-- States are continuous and never come back. N_ep counts steps with the predicates of s', the semantic configuration.
-- Weights: theirs are 10 for the forward and 0.1 for the inverse loss, of other scales than here.
-- The forward loss trains phi, as in their code. See ICM for what that may do to features.
+- States are continuous and never repeat. N_ep counts steps with the same predicates (semantic configuration) as s'.
+- Their weights are 10 for the forward and 0.1 for the inverse loss. These losses have other scales than those here.
+- The forward loss trains phi, as in their code. This may shrink features, see icm.py.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class RIDEConfig:
 
 
 class RIDE(LearnedReward):
-    """Impact, divided by the root of the episode's visits."""
+    """Change of the features, divided by the square root of the visits in the episode."""
 
     Config = RIDEConfig
     uses_episode = True
@@ -56,7 +56,7 @@ class RIDE(LearnedReward):
 
     @staticmethod
     def visits(transitions: Transitions) -> Tensor:
-        """N_ep(s') (B,), at least 1: steps up to s' at which the episode's predicates were those of s'."""
+        """N_ep(s') (B,), at least 1: number of the episode's steps up to s' with the same predicates as s'."""
         goals = given(transitions.episode_achieved_goals, "episode_achieved_goals")
         same = (goals == given(transitions.next_achieved_goal, "next_achieved_goal").unsqueeze(1)).all(2)
         place = torch.arange(same.shape[1], device=same.device)

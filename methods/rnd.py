@@ -1,22 +1,22 @@
-"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): novel is where imitation still fails.
+"""RND, random network distillation (Burda et al. 2018, arXiv 1810.12894): rewards errors in imitating a network.
 
     target    f(s')    fixed, random
     predictor f^(s')   trained to imitate it, one hidden layer deeper
     r_int = mean over features of (f(s') - f^(s'))²
     loss  = mean over the batch of r_int
 
-Where the agent has been often, the predictor has learned the target's outputs, and the reward is small. Transitions
-need not be predictable for that, so noise fascinates it less than it does ICM; but noise that never repeats stays
+In states that the agent has often visited, the predictor has learned the target's outputs, and the reward is small.
+This does not require predictable transitions, so noise attracts RND less than ICM. Noise that never repeats stays
 novel.
 
 Differences from the authors' code (openai/random-network-distillation), which works on images with PPO:
 
-- Perceptrons on the agent's normalised state, clipped to ±5 as theirs, in place of convolutions. Their predictor has
-  two more layers than the target, ours one: depth costs time, and inputs are small.
-- Rectifiers where they have leaky ones in the convolutions.
+- MLPs on the agent's normalised state, clipped to ±5 like theirs, instead of convolutions. Their predictor has two
+  more layers than the target, ours one, because depth costs time and inputs are small.
+- ReLU instead of the leaky ReLU in their convolutions.
 - The intrinsic reward has no value function and no discount of its own; the agent normalises and adds it.
-- The predictor learns from the whole batch; theirs from a random share of it when environments are many.
-- No batch normalisation, there as here: in train mode it would move the target with the batch.
+- The predictor learns from the complete batch; theirs from a random share of it if there are many environments.
+- Neither uses batch normalisation: in train mode the target would change with the batch.
 """
 
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ class RNDConfig:
     learning_rate: float = 1e-4
     """Adam's learning rate of the predictor; the paper's."""
     sees: Sees = "full"
-    """What it sees of the state: all (full; the paper's), positions of hand and blocks (positions), or of the blocks
-    alone (blocks). Most of the distance between full states is that between angles and angular velocities."""
+    """Part of the state that it gets: all (full; the paper's), positions of hand and blocks (positions), or of the
+    blocks alone (blocks). Most of the distance between full states is that of angles and angular velocities."""
 
     def __post_init__(self) -> None:
         check_positive(self, "hidden", "features", "learning_rate")

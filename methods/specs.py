@@ -9,7 +9,7 @@ class BuiltIn(NamedTuple):
 
     place: str  # module and class, as `module:Class`, in curiobench.methods
     line: str  # what it does, and its paper
-    rewards: bool = True  # whether it has an intrinsic reward, around which the hybrid policy mechanism may be
+    rewards: bool = True  # whether it has an intrinsic reward, which `+hm` requires
 
 
 BUILT_IN = {
@@ -76,22 +76,22 @@ BUILT_IN = {
         "(Strehl and Littman 2008, doi 10.1016/j.jcss.2007.08.009)",
     ),
 }
-"""Built-in methods by spec. The one place to register a method.
+"""Built-in methods by spec. A new method is registered here and nowhere else.
 
-Lists, tables and colours follow this order: append a new one."""
+Lists, tables and colours follow this order, so append the new method at the end."""
 
 HYBRID = "+hm"
-"""Behind a curiosity method's spec: that method under the hybrid policy mechanism."""
+"""Suffix of a curiosity method's spec that adds the hybrid policy mechanism."""
 
 ALIASES = {"mihm": "mi+hm"}
 """Other names of specs; the paper calls its method MIHM."""
 
 GROUP = "curiobench.methods"
-"""Entry-point group in which installed packages name their methods."""
+"""Entry-point group in which installed packages register their methods."""
 
 
 def installed_methods() -> dict[str, list[str]]:
-    """The classes, as `package.module:Class`, that installed packages give each lower-case name; none is imported."""
+    """Methods of installed packages: the `package.module:Class` of each lower-case name. Imports none of them."""
     found: dict[str, set[str]] = {}
     for point in entry_points(group=GROUP):
         found.setdefault(point.name.lower(), set()).add(point.value.partition("[")[0].strip())
@@ -107,7 +107,7 @@ def available_specs() -> list[str]:
 
 
 def canonical(text: str) -> str:
-    """A spec's one form: aliases resolved, in lower case but for `package.module:Class`. It may still be unknown."""
+    """Canonical form of a spec: aliases resolved, lower case except for `package.module:Class`. It may be unknown."""
     spec = text.strip() if ":" in text else text.strip().lower()
     spec = ALIASES.get(spec, spec)
     name, hybrid = split(spec)
@@ -115,7 +115,7 @@ def canonical(text: str) -> str:
 
 
 def split(spec: str) -> tuple[str, bool]:
-    """The curiosity method's name in a spec, and whether the hybrid policy mechanism is around it."""
+    """The method's name in a spec, and whether the spec ends in `+hm`."""
     hybrid = spec.lower().endswith(HYBRID)
     return (spec[: -len(HYBRID)] if hybrid else spec), hybrid
 

@@ -69,8 +69,8 @@ class LearningAgent(ABC):
             the batch), and the method's own. Read them only to log them: reading waits for the device.
 
         Raises:
-            NonFiniteError: a loss is NaN or infinite. Weights and optimiser are unchanged. (On CUDA the error comes up
-                to CUDA_CHECK_EVERY updates late.)
+            NonFiniteError: a loss is NaN or infinite. Weights and optimiser are unchanged. (On CUDA the error is raised
+                up to CUDA_CHECK_EVERY updates late.)
             MethodError: the curiosity method raised or broke a rule. Only the normaliser of rewards may have changed.
         """
         return self.learner.update(batch, epoch)
@@ -79,7 +79,7 @@ class LearningAgent(ABC):
     def transitions(self, batch: Batch, epoch: int) -> Transitions:
         """The curiosity method's input for a batch, as in `update`. Does not change how training continues.
 
-        Raises ValueError where there is no curiosity method.
+        Raises ValueError if there is no curiosity method.
         """
         learner, view = self.learner, None
         inputs, next_inputs = learner.encoder.encode_rows(learner.buffers(batch).rows)
@@ -103,8 +103,8 @@ class LearningAgent(ABC):
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore a `state_dict` of an agent with the same layout, config and method.
 
-        Raises KeyError, ValueError or RuntimeError where the state is of another kind of agent, and MethodError where
-        the curiosity method cannot load its part.
+        Raises KeyError, ValueError or RuntimeError if the state is of another kind of agent, and MethodError if the
+        curiosity method cannot load its part.
         """
         learner = self.learner
         if (state["curiosity"] is None) != (learner.curiosity is None):

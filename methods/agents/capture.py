@@ -1,4 +1,4 @@
-"""Fixed buffers for a batch, and on CUDA the capture of an update that reads them as one graph."""
+"""Static buffers for a batch, and a CUDA graph of the update that reads them."""
 
 from collections.abc import Callable
 
@@ -9,18 +9,18 @@ from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.reward import Batch
 
 WARM_UP = 3
-"""Updates that run plainly before the capture, so that optimiser state and workspaces exist."""
+"""Updates that run eagerly before the capture, so that optimiser state and workspaces exist."""
 
 
 class StaticBatch:
-    """A batch in float32 buffers that stay at one address, laid out as the encoder reads them."""
+    """A batch in float32 buffers at fixed addresses, in the layout that the encoder reads."""
 
     def __init__(self, layout: PairLayout, batch: Batch, device: torch.device) -> None:
         """
         Args:
             layout: sizes of observations, goals and actions.
-            batch: the first one of B transitions, for its size.
-            device: where the buffers live.
+            batch: the first batch of B transitions; sets the size.
+            device: device of the buffers.
         """
         self.size = size = len(batch.reward)
         self.rows = torch.empty((2, size, layout.observation_size + 2 * layout.goal_size), device=device)
@@ -30,11 +30,11 @@ class StaticBatch:
         """r_ext; becomes r_ext + tau · n(r_int)."""
         parts = (layout.observation_size, layout.goal_size, layout.goal_size)
         self.source = batch
-        """The batch that was loaded last, for the curiosity method, under which nothing is captured."""
+        """The batch that was loaded last. The curiosity method reads it; no graph is captured if there is one."""
         self.observation, self.achieved_goal, self.desired_goal = self.rows.split(parts, dim=2)
 
     def load(self, batch: Batch) -> None:
-        """Copy a batch of the same size in, whatever its numeric types."""
+        """Copy in a batch of the same size and any numeric types."""
         self.observation[0].copy_(batch.observation)
         self.observation[1].copy_(batch.next_observation)
         self.achieved_goal[0].copy_(batch.achieved_goal)
@@ -46,17 +46,17 @@ class StaticBatch:
 
 
 class CapturedStep:
-    """Calls `step`, a function of fixed buffers; on CUDA, from the fourth call on, replays its graph instead.
+    """Calls `step`, a function of static buffers. On CUDA it replays the graph of `step` from the fourth call on.
 
-    What `step` returns lies in the graph's memory there and is copied. On a CPU this is a plain call. The CUDA branch
-    has not been run: no GPU was at hand when it was written. What a CPU can test, and a test does, is that `step` reads
-    nothing but fixed buffers and the agent's state.
+    On CUDA the results lie in the graph's memory, so they are copied. On a CPU this is a plain call. The CUDA branch
+    has never been run, because no GPU was available. A test on a CPU checks that `step` reads nothing but static
+    buffers and the agent's state.
     """
 
     def __init__(self, step: Callable[[], dict[str, Tensor]], generator: torch.Generator) -> None:
         """
         Args:
-            step: the work; must not depend on values of tensors in Python.
+            step: the function to call. Its Python code must not depend on values of tensors.
             generator: the source of its random numbers.
         """
         self.step, self.generator, self.calls = step, generator, 0
@@ -78,7 +78,7 @@ class CapturedStep:
         return {name: value.clone() for name, value in self.result.items()}
 
     def _beside_the_default_stream(self) -> dict[str, Tensor]:
-        """Warm-up has to run on another stream than the default one, says torch.cuda.graph's documentation."""
+        """Run a warm-up call on a side stream, as the documentation of torch.cuda.graph requires."""
         stream = torch.cuda.Stream()
         stream.wait_stream(torch.cuda.current_stream())
         with torch.cuda.stream(stream):

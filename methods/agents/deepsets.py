@@ -1,10 +1,10 @@
-"""Deep Sets over pairs, a batch of networks at once.
+"""Deep Sets over pairs of blocks. Several networks are evaluated as one batch.
 
     out = rho( sum over pairs p of  phi(context, p) )
 
-(Zaheer et al. 2017, arXiv 1703.06114.) phi has two layers of `hidden` units, rho one and a linear output; hidden ones
-are rectified. With `layer_norm`, the first layers of phi and of rho are normalised before that (Ba et al. 2016),
-without learned gain and offset, which the next layer can express.
+(Zaheer et al. 2017, arXiv 1703.06114.) phi has two layers of `hidden` units. rho has one, and a linear output layer.
+Hidden layers end in ReLU. With `layer_norm`, the first layers of phi and of rho have a layer norm before the ReLU (Ba
+et al. 2016). It has no learned gain and offset, because the next layer can express them.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from torch import Tensor, nn
 
 
 class DeepSets(nn.Module):
-    """`members` networks with the same inputs and separate weights, each layer one batched product.
+    """`members` networks with the same inputs and separate weights. Each layer is one batched matrix product.
 
-    Weights are uniform with Xavier's bound, drawn from `generator`; biases are zero. All layers that end in `hidden`
-    units are rows of one matrix, which makes optimiser steps and target updates few and large:
+    Weights are Xavier-uniform, drawn from `generator`; biases are zero. All layers with `hidden` outputs are stored as
+    rows of one matrix, so that optimiser steps and target updates are few and large operations:
 
         [phi's first layer, context | the same, pair | bias | rho's first layer | bias | phi's second layer | bias]
     """
@@ -51,7 +51,7 @@ class DeepSets(nn.Module):
             self.out_weights.uniform_(-bound, bound, generator=generator)
 
     def forward(self, contexts: Tensor, pairs: Tensor, trained: int | None = None) -> Tensor:
-        """K contexts (K, B, C), each with the same pairs (P, B, F), to outputs (members, K, B, out_size).
+        """Outputs (members, K, B, out_size) of K contexts (K, B, C), each with the same pairs (P, B, F).
 
         Gradients of the first `trained` contexts' outputs reach the weights; those of the others reach the contexts.
         By default all reach the weights.
@@ -62,12 +62,12 @@ class DeepSets(nn.Module):
 
 
 class DeepSetsFunction(torch.autograd.Function):
-    """`DeepSets` with its gradient written out, for speed on a CPU; a test holds it equal to the plain formulation.
+    """`DeepSets` with a hand-written backward pass, for speed on a CPU. A test compares it with the plain formulation.
 
-    At these sizes what costs is less the products than the passes over memory between them, and the number of calls. So
-    only what the gradient needs is kept, products of the pairs are shared by all contexts, and the norm's centring is
-    done once on the weights instead of on every row of activations. (Sharing each block's product over its pairs was
-    tried too: 1.4 to 1.9 times as slow, for the additions cost more than the products they save.)
+    At these sizes the products cost less than the passes over memory between them and the number of calls. So only
+    what the gradient needs is saved. Products of the pairs are shared by all contexts. The norm's centring is applied
+    once to the weights instead of to every row of activations. (Sharing each block's product over its pairs was 1.4 to
+    1.9 times as slow, because the additions cost more than the products they save.)
 
     Shapes: M members, K contexts, P pairs, B transitions, H hidden units.
     """
@@ -100,7 +100,7 @@ class DeepSetsFunction(torch.autograd.Function):
         ctx.save_for_backward(
             contexts, pairs, w_context, w_2, w_3, out_weights, phi_1, phi_2, summed, rho, *norm_1, *norm_3
         )
-        # for few outputs this way round is up to four times as fast
+        # with few outputs, the transposed product is up to four times as fast
         return torch.baddbmm(out_bias, out_weights, rho.mT).mT.unflatten(1, (n_contexts, batch))
 
     @staticmethod
@@ -108,7 +108,7 @@ class DeepSetsFunction(torch.autograd.Function):
         contexts, pairs, w_context, w_2, w_3, w_out, phi_1, phi_2, summed, rho, *norms = ctx.saved_tensors
         members, n_contexts, _, batch, _ = ctx.by_pair
         grad = grad.flatten(1, 2)
-        outer = torch.mul if w_out.shape[1] == 1 else torch.bmm  # equal, and several times as fast
+        outer = torch.mul if w_out.shape[1] == 1 else torch.bmm  # same result, several times as fast
         at_rho = _activate_backward(outer(grad, w_out), rho, norms[2:])
         at_sum = torch.bmm(at_rho, w_3.mT).view(members, n_contexts, 1, batch, -1).expand(ctx.by_pair)
         at_phi_2 = _activate_backward(at_sum, phi_2.view(ctx.by_pair), ()).view_as(phi_2)
@@ -132,7 +132,7 @@ def _weight_gradients(
 ) -> Tensor:
     """Gradient of `hidden_weights`, from the layers' inputs and the gradients at their outputs, trained rows only.
 
-    The gradient of centring needs no step here: what comes back through the norm has no mean over units.
+    The gradient of centring needs no step here, because the gradient through the norm has zero mean over units.
     """
     at_shared, at_phi_1, at_rho, at_phi_2 = outputs
     members, _, width = at_shared.shape
@@ -149,12 +149,12 @@ def _weight_gradients(
 
 
 def _sum_over_pairs(values: Tensor) -> Tensor:
-    """(M, K, P, B, H) to (M, K · B, H). Plain additions: on a CPU three times as fast as `sum` over a middle axis."""
+    """(M, K, P, B, H) to (M, K · B, H). On a CPU, additions are three times as fast as `sum` over a middle axis."""
     return reduce(torch.add, values.unbind(2)).flatten(1, 2)
 
 
 def _activate(centred: Tensor, layer_norm: bool) -> tuple[Tensor, ...]:
-    """Layer norm (if asked; the input is centred already) and rectifier of (M, R, H).
+    """Layer norm (if `layer_norm`; the input is centred already) and ReLU of (M, R, H).
 
     Returns the output and, with the norm, what its gradient needs: the input and 1 / its standard deviation (M, R, 1).
     """
@@ -167,7 +167,7 @@ def _activate(centred: Tensor, layer_norm: bool) -> tuple[Tensor, ...]:
 
 
 def _activate_backward(grad: Tensor, activated: Tensor, norm: Sequence[Tensor]) -> Tensor:
-    """Gradient at the input of `_activate`, from that at its output, its output, and what it kept of the norm."""
+    """Gradient at the input of `_activate`, from the gradient at its output, its output, and the saved norm."""
     grad = torch.ops.aten.threshold_backward.grad_input(grad, activated, 0, grad_input=torch.empty_like(activated))
     if not norm:
         return grad

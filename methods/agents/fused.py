@@ -1,11 +1,11 @@
 """Loops of `pair_attention.py` that read and write each number once, compiled by Numba for the CPU.
 
-At these sizes an operation on all activations costs less for its arithmetic than for its way through memory, and each
-call takes microseconds. Arrays are C-contiguous and of one float type: (M, R, H) and (M, R), for M members of R rows of
+At these sizes the memory traffic of an operation on all activations costs more than its arithmetic, and each call takes
+microseconds. Arrays are C-contiguous and of one float type: (M, R, H) and (M, R), for M members of R rows of
 H units. The rows of K contexts, P pairs and B transitions are numbered in the order (k, p, b) or (k, b); `shape` is
 (K, P, B).
 
-A norm divides rows that are centred already by their standard deviation; where `norm` is False, by 1.
+A norm divides rows, which are centred already, by their standard deviation. If `norm` is False, it divides by 1.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ Shape: TypeAlias = tuple[int, int, int]
 EPSILON = 1e-5
 """Added to variances in norms."""
 
-# reordered sums, but NaN and infinity as they are: a loss that is not finite must be found
+# sums may be reordered, but NaN and infinity are preserved, so that a non-finite loss is detected
 _FASTMATH = {"reassoc", "contract", "arcp", "nsz"}
 
 
 def compiled(function: Function) -> "Dispatcher[Function]":
-    """The function compiled for each type that it is called with; kept on the disk where there is a place for it."""
+    """Compile a function for each type that it is called with. Cached on disk if a cache folder is writable."""
     try:
         return njit(cache=True, fastmath=_FASTMATH, error_model="numpy")(function)
     except RuntimeError:  # neither the folder of this file nor the user's own can be written
@@ -37,7 +37,7 @@ def compiled(function: Function) -> "Dispatcher[Function]":
 
 @compiled
 def centre(weights: np.ndarray, out: np.ndarray) -> None:
-    """out = weights (M, R, H) less the mean of each row; both may be the same array."""
+    """out = weights (M, R, H) minus the mean of each row; both may be the same array."""
     units = weights.shape[2]
     for m in range(weights.shape[0]):
         for r in range(weights.shape[1]):
@@ -78,9 +78,9 @@ def norm_relu(x: np.ndarray, norm: bool, out: np.ndarray, scales: np.ndarray) ->
 
 @compiled
 def norm_relu_backward(grad: np.ndarray, x: np.ndarray, scales: np.ndarray, norm: bool) -> None:
-    """Gradient at x from that at the output, in place of the latter, up to a multiple of ones in each row.
+    """Replace `grad`, the gradient at the output, by the gradient at x, up to a constant in each row.
 
-    (That part goes with the gradient of centring.)
+    The gradient of centring removes that constant.
     """
     zero = x.dtype.type(0.0)
     for m in range(x.shape[0]):
@@ -142,7 +142,10 @@ def first_layer_backward(
     norm: bool,
     at_context: np.ndarray,
 ) -> None:
-    """Gradients at x, in place of `grad`, that at h less the scores' part; at_context is their sum over pairs."""
+    """Replace `grad`, the gradient at h without the scores' part, by the gradient at x (up to a constant in each row).
+
+    at_context becomes its sum over pairs.
+    """
     contexts, pairs, batch = shape
     zero = x.dtype.type(0.0)
     at_context[:] = zero
@@ -209,7 +212,7 @@ def pool_backward(
     at_z: np.ndarray,
     at_scores: np.ndarray,
 ) -> None:
-    """Gradients at z (up to a multiple of ones in each row) and at scores, from that at pooled."""
+    """Gradients at z (up to a constant in each row) and at scores, from the gradient at pooled."""
     contexts, pairs, batch = shape
     zero = z.dtype.type(0.0)
     for m in range(z.shape[0]):

@@ -21,7 +21,7 @@ def _length(vector: np.ndarray) -> Any:
 def _near(
     offset: np.ndarray, distance: float, tanh_scales: Scales, exp_scales: Scales, out: np.ndarray, at: int
 ) -> int:
-    """Write tanhs of an offset (3) and exponentials of a distance to `out` from place `at` on; the next place."""
+    """Write tanhs of an offset (3) and exponentials of a distance to `out` from index `at`; return the next index."""
     for scale in tanh_scales:
         for k in range(3):
             out[at + k] = np.tanh(offset[k] * offset.dtype.type(1 / scale))
@@ -34,7 +34,7 @@ def _near(
 
 @compiled
 def _count_wrong(achieved: np.ndarray, desired: np.ndarray, out: np.ndarray) -> None:
-    """How many bits of a goal are wrong, missing and unwanted."""
+    """Write to `out` how many bits of a goal are wrong, missing and unwanted."""
     out[:] = 0
     for k in range(achieved.shape[0]):
         difference = desired[k] - achieved[k]
@@ -65,18 +65,18 @@ def encode(
     Args:
         rows: (S, B, D + 2 bits).
         shift, scale: (D + 2 bits) of the normalisation; `clip` bounds it.
-        detail_scale: (D) factors of what the networks see.
+        detail_scale: (D) factors of the networks' inputs.
         sizes: of the body, of a block, and the number of bits.
         pairs: (P, 5) as in `PairLayout.pairs`.
-        mode: 0 where no pair is turned, 1 where the goal turns it, 2 where roles do.
-        weights: of the goal's and of the state's "on" in what turns a pair by role.
-        near_field: whether its features are wanted.
-        scales: of their tanhs, of their exponentials, and of the offset that is fed as it is.
-        state, context, features: (S, B, D), (S, B, C) and (S, P, B, F), written.
+        mode: 0 never swaps a pair, 1 swaps it by the goal, 2 by roles.
+        weights: of the goal's and of the state's "on" in the score by which roles swap a pair.
+        near_field: whether to add near-field features.
+        scales: of their tanhs, of their exponentials, and of the untransformed offset.
+        state, context, features: the outputs (S, B, D), (S, B, C) and (S, P, B, F).
     """
     body_size, block_size, n_bits = sizes
     tanh_scales, exp_scales, linear_scale = scales
-    n_near = 3 * len(tanh_scales) + len(exp_scales)  # features of a block beside the hand
+    n_near = 3 * len(tanh_scales) + len(exp_scales)  # features of a block relative to the hand
     n_state = state.shape[2]
     n_blocks = (n_state - body_size) // block_size
     of_blocks, distances = np.empty((n_blocks, n_near), rows.dtype), np.empty(n_blocks, rows.dtype)

@@ -12,10 +12,11 @@ Curiosity only decides which data is collected. The policy that is evaluated nev
 What the paper leaves open, and what we chose:
 
 - "Q_ext" in Q_c and Q_d, also in Eq. 15, is the minimum of the twin critics. Both policies maximise it.
-- Q_ext has SAC's entropy of pi_d in its bootstrap, Q_int none; V_c and V_d in Eq. 15 have no entropy of their own.
-- Both policies share their noise, and pi_c starts as a copy of pi_d. Neither loss changes by it. Eq. 15 then compares
-  actions of the same draw: where Q_int is flat, its sign decides and not the draw. With tau = 0 both policies stay
-  equal to the bit, and the agent is SAC on r_ext.
+- Q_ext has SAC's entropy of pi_d in its bootstrap (if `entropy_in_targets`), and Q_int has no entropy. V_c and V_d in
+  Eq. 15 have no entropy of their own.
+- Both policies share their noise, and pi_c starts as a copy of pi_d. This changes neither loss. Eq. 15 then compares
+  actions of the same draw: if Q_int is flat, its sign decides and not the draw. With tau = 0 both policies stay
+  bitwise equal, and the agent is SAC on r_ext.
 - Each policy has its own temperature. One Adam trains all weights.
 - tau is fixed. With `adaptive_tau`, which the paper names as future work, it follows the spreads of Q_int and Q_ext
   over actions. How far pi_c can differ from pi_d depends on these spreads, not on the size of the values.
@@ -58,7 +59,7 @@ class HybridAgent(LearningAgent):
     ) -> None:
         """
         Args:
-            layout: where blocks and predicate bits stand in observations and goals.
+            layout: columns of blocks and predicate bits in observations and goals.
             config: settings of both policies and all critics; tau weighs Q_int.
             generator: as in `SAC`.
             method: the curiosity method.
@@ -98,14 +99,14 @@ class HybridAgent(LearningAgent):
 
     @torch.no_grad()
     def q_int(self, observation: np.ndarray, action: np.ndarray) -> dict[str, np.ndarray]:
-        """Q_int of given actions, to look at.
+        """Q_int of given actions, for inspection.
 
         Args:
             observation: (N, D), raw.
             action: (N, A) in [-1, 1].
 
         Returns:
-            "popart" and "zscore", the two normalised values (N,); "raw", the one under PopArt in the unit of r_int.
+            "popart" and "zscore", the two normalised values (N,); "raw", the PopArt value in the unit of r_int.
         """
         no_goal = np.zeros((len(observation), self.learner.layout.goal_size))
         state = self.learner.encode(observation, no_goal, no_goal).state
@@ -115,7 +116,7 @@ class HybridAgent(LearningAgent):
         return {name: value.cpu().numpy() for name, value in found.items()}
 
     def update(self, batch: Batch, epoch: int = 0) -> Metrics:
-        """As `LearningAgent.update`, with the metrics that `_measure` finds."""
+        """As `LearningAgent.update`, with the metrics of `_measure`."""
         metrics = super().update(batch, epoch)
         if self._acted:
             self._measure(batch)
@@ -123,11 +124,12 @@ class HybridAgent(LearningAgent):
         return metrics | {name: torch.tensor(value, device=device) for name, value in self._measured.items()}
 
     def losses(self, step: Step) -> Losses:
-        """Of all critics and, where they learn, of both policies and their temperatures.
+        """Losses of all critics and, if they are updated, of both policies and their temperatures.
 
-        No loss reaches another's weights: critics pass gradients of the policies' actions on to those actions only.
-        Metrics: as `SAC.losses` has them, Q_ext's and pi_d's here; explorer_policy_loss, explorer_entropy,
-        explorer_temperature (and explorer_temperature_loss), pi_c's; those of `IntrinsicValues.loss`.
+        Each loss trains only its own weights: the policies' losses pass gradients through the critics to the actions,
+        but not to the critics' weights. Metrics: those of `SAC.losses`, for Q_ext and pi_d; explorer_policy_loss,
+        explorer_entropy, explorer_temperature (and explorer_temperature_loss), for pi_c; those of
+        `IntrinsicValues.loss`.
         """
         learner, (target, target_int) = self.learner, self._targets(step)
         stored, *own = learner.critics(step.inputs, step.actions(), trained=1).unbind(1)
@@ -181,7 +183,10 @@ class HybridAgent(LearningAgent):
             self._steer(self._measured["q_ext_action_spread"], self._measured["q_int_action_spread"])
 
     def _steer(self, of_q_ext: float, of_q_int: float) -> None:
-        """Move log tau by `tau_rate` of the way to a spread of tau · Q_int of `spread_ratio` times that of Q_ext."""
+        """Move log tau by the share `tau_rate` towards the value that gives the spreads the ratio `spread_ratio`.
+
+        The ratio is that of the spread of tau · Q_int to the spread of Q_ext.
+        """
         if of_q_ext > 0 and of_q_int > 0:
             step = self.hybrid.spread_ratio * of_q_ext / of_q_int
             curiosity, (low, high) = self.learner.required_curiosity, TAU_RANGE

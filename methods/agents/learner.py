@@ -21,7 +21,7 @@ from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
 
-LEAST_RATE = 0.1  # share of the learning rate that is left when it has fallen
+LEAST_RATE = 0.1  # final share of the learning rate, if it decays
 TensorPair = tuple[Tensor, Tensor]
 
 
@@ -75,7 +75,7 @@ class Learner:
         self.trained = [*self.actor.parameters(), *self.sources]
         self.trained += [self.log_alpha] if self.config.tune_temperature else []
         on_cuda, rate = self.device.type == "cuda", self.config.learning_rate
-        lr = torch.tensor(rate, device=self.device) if on_cuda else rate  # a tensor, or a graph would keep its value
+        lr = torch.tensor(rate, device=self.device) if on_cuda else rate  # a CUDA graph would freeze a float
         self.optimiser = torch.optim.Adam(self.trained, lr=lr, fused=True, capturable=on_cuda)
         names = ("encoder", "actor", "critics", "target_critics", "optimiser")
         self.parts = {name: getattr(self, name) for name in names} | more
@@ -112,12 +112,12 @@ class Learner:
             self.check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
         if self.updates % self.config.target_every == 0:
-            with torch.no_grad():  # otherwise the targets' graph would grow by a node each time
+            with torch.no_grad():  # otherwise the targets' autograd graph would grow with each update
                 torch._foreach_lerp_(self.targets, self.sources, self.config.polyak)
         return metrics
 
     def _set_learning_rate(self) -> None:
-        """Decay it linearly to `LEAST_RATE` of its first value, over `decay_updates` updates if that is set."""
+        """Decay the learning rate linearly to `LEAST_RATE` of its first value over `decay_updates` updates, if set."""
         if self.config.decay_updates is None:
             return
         passed = min(1.0, self.updates / self.config.decay_updates)
@@ -154,7 +154,7 @@ class Learner:
 
     @property
     def required_curiosity(self) -> Curiosity:
-        """The curiosity method. Raises ValueError where there is none."""
+        """The curiosity method. Raises ValueError if there is none."""
         if self.curiosity is None:
             raise ValueError("this agent has no curiosity method")
         return self.curiosity

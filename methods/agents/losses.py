@@ -13,7 +13,7 @@ def bootstrapped_target(
 ) -> Tensor:
     """y (B,) from rewards (B,), target values (2, B) and log-densities (B,) of the next actions.
 
-    Without `alpha` the policy's entropy is no part of the value.
+    Without `alpha` the policy's entropy is not part of the value.
     """
     value = next_values.min(0).values
     if alpha is not None:
@@ -22,15 +22,15 @@ def bootstrapped_target(
 
 
 def critic_loss(values: Tensor, target: Tensor) -> tuple[Tensor, Metrics]:
-    """Values (2, B) against targets (B,) of both, or (2, B) of each."""
+    """Squared error of values (2, B), with targets (B,) for both critics or (2, B) for each."""
     loss = 0.5 * (values - target).square().mean(1).sum()
     return loss, {"critic_loss": loss.detach(), "q": values.detach().mean(), "target_q": target.mean()}
 
 
 def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor, term: Tensor | None = None) -> tuple[Tensor, Metrics]:
-    """Values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,).
+    """Loss from values (2, B) of the policy's own actions, which carry gradients, and their log-densities (B,).
 
-    A curiosity method's term (B,) is added to the log-densities in the loss, but is no part of the entropy.
+    A curiosity method's term (B,) is added to the log-densities in the loss, but is not part of the entropy.
     """
     penalty = log_prob if term is None else log_prob + term
     loss = addcmul(-values.min(0).values, alpha, penalty).mean()
@@ -38,7 +38,7 @@ def policy_loss(values: Tensor, log_prob: Tensor, alpha: Tensor, term: Tensor | 
 
 
 def temperature_loss(log_alpha: Tensor, log_prob: Tensor, target_entropy: float) -> tuple[Tensor, Metrics]:
-    """log alpha () and log-densities (B,)."""
+    """Loss from log alpha () and log-densities (B,)."""
     loss = -log_alpha * (log_prob.detach().mean() + target_entropy)
     return loss, {"temperature_loss": loss.detach()}
 
@@ -51,7 +51,7 @@ def policy_losses(
     term: Tensor | None = None,
     prefix: str = "",
 ) -> Losses:
-    """`policy_loss` and, with a target of the entropy, `temperature_loss`; `prefix` begins all names."""
+    """`policy_loss` and, if there is a target entropy, `temperature_loss`. All names start with `prefix`."""
     found = {"policy": policy_loss(values, log_prob, log_alpha.detach().exp(), term)}
     if target_entropy is not None:
         found["temperature"] = temperature_loss(log_alpha, log_prob, target_entropy)

@@ -1,32 +1,32 @@
-"""Near-field features: what decides whether a hand grasps and a block lands, at the scale at which it is decided.
+"""Near-field features: distances at centimetre scale, and which bits of the goal are wrong.
 
-Stacking is a matter of millimetres to centimetres, on a table half a metre wide. Normalised positions change by little
-there, and a network is slow to learn such differences. These features, with the scales at which they saturate, were
-found by experiment (docs/presets.md).
+Stacking takes a precision of millimetres to centimetres, on a table half a metre wide. Normalised positions change
+little over such distances, and a network is slow to learn such differences. These features, and the scales at which
+they saturate, were found by experiment (docs/presets.md).
 """
 
 import torch
 from torch import Tensor
 
 TANH_SCALES = (0.04, 0.015)
-"""Metres at which the tanh of a displacement bends: about a block, and about the fingers' play around one."""
+"""Scales (metres) of the tanh of a displacement: about a block's size, and the fingers' clearance around a block."""
 EXP_SCALES = (0.03, 0.1)
-"""Metres over which the exponential of a distance decays."""
+"""Scales (metres) over which the exponential of a distance decays."""
 LINEAR_SCALE = 0.1
-"""Unit of the displacement of two blocks that is fed as it is (metres)."""
+"""Unit (metres) of the untransformed displacement of two blocks."""
 ROLE_WEIGHTS = (4.0, 2.0)
-"""Of what turns a pair: the goal's "on" outweighs the state's, which outweighs the distance from the hand."""
+"""In the score that swaps a pair: the goal's "on" outweighs the state's, which outweighs the distance from the hand."""
 SCALES = (TANH_SCALES, EXP_SCALES, LINEAR_SCALE)
 
 
 def block_features(offset: Tensor) -> Tensor:
-    """Of each block beside the hand (..., 8), from its position less the hand's (..., 3) in metres."""
+    """Features (..., 8) of each block relative to the hand, from its position minus the hand's (..., 3) in metres."""
     distance = torch.linalg.vector_norm(offset, dim=-1, keepdim=True)
     return torch.cat([*_tanhs(offset), *_exps(distance)], dim=-1)
 
 
 def pair_features(offset: Tensor) -> Tensor:
-    """Of two blocks (..., 11), from the first's position less the second's (..., 3) in metres.
+    """Features (..., 11) of two blocks, from the first's position minus the second's (..., 3) in metres.
 
     The distance is the horizontal one: that of a block above the other is 0.
     """
@@ -41,7 +41,7 @@ def goal_differences(achieved: Tensor, desired: Tensor) -> tuple[Tensor, Tensor]
 
 
 def turned_by_role(desired_on: Tensor, achieved_on: Tensor, nearer: Tensor) -> Tensor:
-    """Whether a pair (i, j) is fed as (j, i) (...): the upper block first, else the one nearer to the hand.
+    """Whether a pair (i, j) is encoded as (j, i) (...): the upper block first, else the one nearer to the hand.
 
     Args:
         desired_on: (..., 2) the goal's on(i, j) and on(j, i).

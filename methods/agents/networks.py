@@ -65,10 +65,10 @@ class TwinCritics(nn.Module):
         self.net = make_net(config, 2, context, encoder.pair_size, 1, generator)
 
     def forward(self, inputs: PairInputs, actions: Tensor, trained: int | None = None) -> Tensor:
-        """K actions in each state (K, B, A) to values (2, K, B).
+        """Values (2, K, B) of K actions in each state (K, B, A).
 
-        Gradients of the first `trained` reach the weights; those of the others reach the actions. By default all reach
-        the weights.
+        Gradients of the first `trained` actions' values reach the weights; those of the others reach the actions. By
+        default all reach the weights.
         """
         context = inputs.context.expand(len(actions), -1, -1)
         return self.net(torch.cat([context, actions], dim=2), inputs.pairs, trained).squeeze(-1)

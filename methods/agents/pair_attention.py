@@ -1,13 +1,13 @@
-"""Attention over pairs, a batch of networks at once: for each of them
+"""Attention pooling over pairs of blocks. Several networks are evaluated as one batch. Each of them computes
 
     h_p = relu(norm(W_1 [context, p]))                                   H units
     z_p = relu(norm(W_2 h_p))                                            2 H
     s   = sum over pairs p of softmax_p(v · h_p) z_p                     2 H
     out = W_4 relu(norm(W_3 [s, context]))                               2 H
 
-A sum over pairs, as in Deep Sets, weighs what does not matter now as much as what does: pairs that are already as
-wanted as much as the one that is to be stacked. Attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019,
-arXiv 1810.00825) lets the network choose. Norms are layer norms (Ba et al. 2016) without gain and offset.
+A sum over pairs, as in Deep Sets, gives all pairs the same weight: those that are already as desired and the one that
+is to be stacked. With attention pooling (Ilse et al. 2018, arXiv 1802.04712; Lee et al. 2019, arXiv 1810.00825) the
+network learns the weights. Norms are layer norms (Ba et al. 2016) without gain and offset.
 """
 
 from typing import Any
@@ -20,10 +20,10 @@ from curiobench.methods.agents import fused
 
 
 class PairAttention(nn.Module):
-    """`members` networks with the same inputs and separate weights, each layer one batched product.
+    """`members` networks with the same inputs and separate weights. Each layer is one batched matrix product.
 
-    Weights are uniform with Xavier's bound, drawn from `generator`; biases, and v, are zero: at first all pairs count
-    alike. Each matrix has the rows of a layer's inputs and its bias:
+    Weights are Xavier-uniform, drawn from `generator`. Biases and v are zero, so all pairs have the same weight at
+    first. The rows of a layer's matrix belong to its inputs and its bias:
 
         first  [context | pair | bias] to H      second  [h | bias] to 2 H      third  [s | context | bias] to 2 H
     """
@@ -55,7 +55,7 @@ class PairAttention(nn.Module):
                 weights.uniform_(-bound, bound, generator=generator)
 
     def forward(self, contexts: Tensor, pairs: Tensor, trained: int | None = None) -> Tensor:
-        """K contexts (K, B, C), each with the same pairs (P, B, F), to outputs (members, K, B, out_size).
+        """Outputs (members, K, B, out_size) of K contexts (K, B, C), each with the same pairs (P, B, F).
 
         Gradients of the first `trained` contexts' outputs reach the weights; those of the others reach the contexts.
         By default all reach the weights.
@@ -80,7 +80,7 @@ def pair_attention(
     out_weights: Tensor,
     out_bias: Tensor,
 ) -> Tensor:
-    """`PairAttention` written down as its definition; shapes as in its `forward`."""
+    """`PairAttention` in plain PyTorch, used on CUDA; shapes as in its `forward`."""
     n_contexts, (n_pairs, batch, _) = len(contexts), pairs.shape
 
     def normed_relu(x: Tensor) -> Tensor:
@@ -99,11 +99,11 @@ def pair_attention(
 
 
 class PairAttentionFunction(torch.autograd.Function):
-    """`pair_attention` on a CPU, with its gradient written out; a test holds the two equal.
+    """`pair_attention` on a CPU, with a hand-written backward pass. A test compares the two.
 
-    Between the products everything is done in one pass over memory (`fused.py`). Products of the pairs are shared by
-    all contexts. Norms are centred once on the weights instead of on every row of activations; and the second norm's
-    division is never carried out on activations: relu(z / std) = relu(z) / std, so 1 / std joins the pair's weight.
+    All operations between two products are one pass over memory (`fused.py`). Products of the pairs are shared by all
+    contexts. Norms are centred once on the weights instead of on every row of activations. The second norm does not
+    divide activations: relu(z / std) = relu(z) / std, so the pair's weight is multiplied by 1 / std instead.
     """
 
     @staticmethod
@@ -143,7 +143,7 @@ class PairAttentionFunction(torch.autograd.Function):
             contexts, pairs, first, second, third, attention, out_weights, x, h, scales_1, weights, z, scales_2, pooled,
             y, rho, scales_3,
         )  # fmt: skip
-        # for few outputs this way round is up to four times as fast
+        # with few outputs, the transposed product is up to four times as fast
         return torch.baddbmm(out_bias, out_weights, rho.mT).mT.unflatten(1, (n_contexts, batch))
 
     @staticmethod
@@ -154,7 +154,7 @@ class PairAttentionFunction(torch.autograd.Function):
         ) = ctx.saved_tensors  # fmt: skip
         members, norm, size = len(first), ctx.layer_norm, contexts.shape[2]
         grad = grad.flatten(1, 2)
-        outer = torch.mul if out_weights.shape[1] == 1 else torch.bmm  # equal, and several times as fast
+        outer = torch.mul if out_weights.shape[1] == 1 else torch.bmm  # same result, several times as fast
         at_y = outer(grad, out_weights.detach())
         fused.norm_relu_backward(at_y.numpy(), y.numpy(), scales_3.numpy(), norm)
         of_pooled, of_again, _ = third.split([z.shape[2], size, 1], dim=1)
@@ -189,7 +189,7 @@ class PairAttentionFunction(torch.autograd.Function):
 
 
 def _centred(weights: Tensor, layer_norm: bool) -> Tensor:
-    """Weights (M, R, H) less the mean of each row, so that what they give is centred; as they are without a norm."""
+    """Weights (M, R, H) minus the mean of each row, so that outputs are centred. Unchanged without a norm."""
     weights = weights.detach()
     if not layer_norm:
         return weights
@@ -199,15 +199,17 @@ def _centred(weights: Tensor, layer_norm: bool) -> Tensor:
 
 
 def _every_member(inputs: Tensor, members: int) -> Tensor:
-    """Inputs (…, B, F) as the same rows (members, R, F) for each member."""
+    """Inputs (…, B, F), expanded to the same rows (members, R, F) for each member."""
     return inputs.flatten(0, -2).expand(members, -1, -1)
 
 
 def _gradient(weights: Tensor, inputs: list[Tensor], at_outputs: list[Tensor]) -> Tensor:
     """Gradient of a layer's weights (M, inputs + 1, units), the last row its bias.
 
-    From its inputs (M, R, F), which are the matrix's rows in that order, and the gradient (M, R, units) at what each of
-    them gave; the bias belongs to the first.
+    Args:
+        weights: (M, inputs + 1, units).
+        inputs: (M, R, F) each, in the order of the matrix's rows.
+        at_outputs: gradient (M, R, units) at the product of each input. The bias uses the first.
     """
     gradient = torch.empty_like(weights)
     parts = gradient[:, :-1].split([rows.shape[-1] for rows in inputs], dim=1)

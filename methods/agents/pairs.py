@@ -1,7 +1,7 @@
 """Inputs of the networks: features of the hand and of each pair of blocks.
 
-Achieved bits are always among them, as in DECSTR. They follow from the blocks' positions, but by a sharp threshold,
-which a network learns slowly.
+The inputs always include the achieved bits, as in DECSTR. The bits are a function of the blocks' positions, but a
+threshold function, which a network learns slowly.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from curiobench.methods.moments import RunningMoments
 class PairLayout:
     """Columns of body, blocks and predicate bits in flat observations and goals.
 
-    An observation is `[body | block 0 | block 1 | …]`. `pairs` gives the place of each bit, so networks and environment
+    An observation is `[body | block 0 | block 1 | …]`. `pairs` gives the index of each bit, so networks and environment
     agree on their order.
 
     Raises ValueError if `pairs` does not name every pair i < j once and every goal bit once, if a block has fewer than
@@ -35,7 +35,7 @@ class PairLayout:
     body_size: int = 10
     """Numbers that describe the hand, at the front of the observation; first its position (3, metres)."""
     block_size: int = 15
-    """Numbers that describe each block: its position (3, metres), its position less the hand's (3), and the rest."""
+    """Numbers that describe each block: its position (3, metres), its position minus the hand's (3), and the rest."""
     action_size: int = 4
     """Numbers in an action, each in [-1, 1]."""
     body_details: tuple[int, ...] = (0, 1, 5, 6, 7, 8, 9)
@@ -72,7 +72,7 @@ class PairLayout:
 
     @property
     def goal_size(self) -> int:
-        """Length of a flat goal: three predicates a pair."""
+        """Length of a flat goal: three predicates per pair."""
         return 3 * len(self.pairs)
 
 
@@ -102,7 +102,7 @@ class PairEncoder:
     roles       the same number. If the goal stacks neither, the block that lies on the other comes first, then the
                 block nearer to the hand. Invariant at half the cost of symmetric.
 
-    identities=True adds one-hot block identities, and nothing is invariant any more.
+    identities=True adds one-hot block identities. The inputs are then not invariant in any mode.
     """
 
     def __init__(self, layout: PairLayout, config: SACConfig, device: str | torch.device = "cpu") -> None:
@@ -117,7 +117,7 @@ class PairEncoder:
         if self.mode == "symmetric":
             pairs = torch.cat([pairs, pairs[:, [1, 0, 2, 4, 3]]])
         self._pairs, self._first, self._second, self._bits = pairs, pairs[:, 0], pairs[:, 1], pairs[:, 2:]
-        self._turned_bits = pairs[:, [2, 4, 3]]  # made once, because indexing by a list makes a GPU wait
+        self._turned_bits = pairs[:, [2, 4, 3]]  # made once, because indexing by a list synchronises with a GPU
         self._shift = torch.zeros(layout.observation_size + 2 * layout.goal_size, device=device)
         self._scale = torch.ones_like(self._shift)
         self._one_hot = torch.eye(layout.n_blocks, device=device)
@@ -221,7 +221,7 @@ class PairEncoder:
     def _turned(self, offsets: Tensor, achieved: Tensor, desired: Tensor) -> Tensor | None:
         """(S, P, B) bool, whether pair (i, j) is encoded as (j, i); None if no pair ever is.
 
-        From the blocks' positions less the hand's (S, B, n, 3), and goals (S, B, bits).
+        `offsets` are the blocks' positions minus the hand's (S, B, n, 3); goals are (S, B, bits).
         """
         if self.mode == "symmetric":
             return None
@@ -245,7 +245,7 @@ class PairEncoder:
         return of_first, of_second
 
     def _of_their_bits(self, values: list[Tensor], turn: Tensor | None) -> Tensor:
-        """close, on(first, second), on(second, first) of every pair (S, P, B, 3 k), of k kinds of bits (S, B, bits)."""
+        """Bits close, on(first, second), on(second, first) of each pair (S, P, B, 3 k), from k values (S, B, bits)."""
         every = torch.stack(values, dim=-2)  # (S, B, k, bits)
         bits = self._picked(every, self._bits)
         if turn is None:

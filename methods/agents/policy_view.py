@@ -1,4 +1,4 @@
-"""What a tanh-squashed Gaussian agent shows of its policy to a method that asks for it; see `PolicyView`."""
+"""Computes the `PolicyView` of a tanh-squashed Gaussian policy for methods with `uses_policy`."""
 
 import math
 
@@ -8,13 +8,13 @@ from torch import Tensor
 from curiobench.methods.reward import PolicyView
 
 LARGEST_ACTION = 1.0 - 1e-6
-"""Stored actions are read as if clipped to ± this: at ±1, where float32 rounds tanh to, the density is infinite."""
+"""Stored actions are clipped to ± this. float32 can round tanh to ±1, where the density is infinite."""
 
 
 def squashed_log_prob(mean: Tensor, log_std: Tensor, action: Tensor) -> Tensor:
     """log pi(a) (B,) of given actions a = tanh(u), u normal with these mean and log-std, all (B, A).
 
-    log pi(a) = sum of log N(atanh a) - log(1 - a²), the inverse way of `networks.squashed_gaussian`.
+    log pi(a) = sum of log N(atanh a) - log(1 - a²), the inverse of `networks.squashed_gaussian`.
     """
     action = action.clamp(-LARGEST_ACTION, LARGEST_ACTION)
     error = (action.atanh() - mean) * (-log_std).exp()
@@ -31,7 +31,7 @@ def view_policy(
     Args:
         distribution: the policy's mean and log-std before squashing, each (B, A).
         sample: actions (B, A) drawn from it, squashed, and their log-densities (B,).
-        stored_action: (B, A) the batch's.
+        stored_action: (B, A) actions of the batch.
         desired_goal: (B, bits) that the policy pursues.
     """
     action, log_prob = (tensor.detach() for tensor in sample)

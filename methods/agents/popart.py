@@ -14,7 +14,7 @@ and the last layer is rescaled, so that Q = mean + scale · n stays what it was 
 
 The network then learns (y - mean') / scale', so its gradient does not depend on the scale of y.
 
-The variance is that of van Hasselt et al., (1 - b) · E[y²] + b · (mean of y²) less mean'², written in a form
+The variance is that of van Hasselt et al., (1 - b) · E[y²] + b · (mean of y²) minus mean'², written in a form
 without cancellation if the mean is much larger than the spread. Their bias correction b makes the statistics after the
 first update those of its batch. Old statistics decay, because values change while the policy learns. The default rate
 is that of Hessel et al.
@@ -45,7 +45,7 @@ class PopArt:
             layers: weight and bias of each output layer, changed in place.
             rate: share of a batch in the statistics, in (0, 1]; they forget over about 1 / rate updates.
             min_scale: lower bound of the scale, in the targets' unit; a constant target must not divide by zero.
-            device: of the statistics.
+            device: device of the statistics.
 
         Raises:
             ValueError: rate or min_scale out of range.

@@ -8,8 +8,8 @@ Deep Set over pairs: r_int is not a symmetric function of the blocks (one may be
 contain the goal, and a flat network is much cheaper. Both are always trained, at little cost, and can be read by
 `HybridAgent.q_int`; the agent chooses which of them is in Q_c.
 
-There is one critic each, not the minimum of two. A minimum guards against values that are too high everywhere, and
-PopArt subtracts such an offset.
+Each has one critic, not the minimum of two. A minimum guards against values that are too high everywhere, and PopArt
+subtracts such an offset.
 """
 
 import copy
@@ -50,10 +50,10 @@ class IntrinsicValues:
         self.popart = PopArt(layers, popart_rate, device=generator.device)
 
     def __call__(self, state: Tensor, actions: Tensor, trained: int | None = None) -> Tensor:
-        """K actions in each state, (B, D) and (K, B, A), to outputs (2, K, B): n_PopArt(Q_int) and Q^n_r_int.
+        """Outputs (2, K, B), n_PopArt(Q_int) and Q^n_r_int, of states (B, D) and K actions in each (K, B, A).
 
-        Gradients of the first `trained` reach the weights; those of the others reach the actions. By default all reach
-        the weights.
+        Gradients of the first `trained` actions' outputs reach the weights; those of the others reach the actions. By
+        default all reach the weights.
         """
         return self._outputs(self.net, state, actions, trained)
 

@@ -32,7 +32,7 @@ class SAC(LearningAgent):
     ) -> None:
         """
         Args:
-            layout: where blocks and predicate bits stand in observations and goals.
+            layout: columns of blocks and predicate bits in observations and goals.
             config: settings.
             generator: source of initial weights, exploration and noise in the losses; its device is the agent's.
             method: the curiosity method; None uses the extrinsic reward alone.
