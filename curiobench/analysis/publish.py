@@ -48,24 +48,29 @@ def publish(
     place = out.resolve()
     if not place.name:
         raise ValueError(f"{out} is no place for a published set; name a folder in it")
-    old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
     with writing_to(out):
-        _tidy(place, old, new)
-        _check_place(place, results, files, replace)
-        try:
-            new.mkdir(parents=True)
-            _write(new, results, files)
-            derive(new)
-            _keep_others(place, new)
-            if place.exists():
-                place.rename(old)
-            new.rename(place)
-            sync_folder(place.parent)
-        finally:
-            _tidy(place, old, new)
+        _write_in_place(place, results, files, replace)
     rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
     folders = (CONFIGS, AGENTS) if agents else (CONFIGS,)
     return [*rows, *(str(out / name) for name in (*folders, SUMS, *DERIVED)), *notes]
+
+
+def _write_in_place(place: Path, results: Results, files: Mapping[str, bytes], replace: bool) -> None:
+    """Write a set beside its place, and rename it when it is complete."""
+    old, new = (place.with_name(f".{place.name}.curiobench-{kind}") for kind in ("old", "new"))
+    _tidy(place, old, new)
+    _check_place(place, results, files, replace)
+    try:
+        new.mkdir(parents=True)
+        _write(new, results, files)
+        derive(new)
+        _keep_others(place, new)
+        if place.exists():
+            place.rename(old)
+        new.rename(place)
+        sync_folder(place.parent)
+    finally:
+        _tidy(place, old, new)
 
 
 def _content(file: Path) -> bytes:
