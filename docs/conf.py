@@ -15,6 +15,7 @@ docs/results
 docs/figures
 docs/frames
 docs/publishing
+docs/agents
 docs/notebook
 docs/api
 ```
