@@ -30,7 +30,7 @@ TRAINS = ("torch", "numba", "ray")
             ["--help", "--version", "list", *(f"{name} --help" for name in COMMANDS)],
             [*SIMULATES, *TRAINS, "pandas", "matplotlib", "yaml"],
         ),
-        (["table v1", "submit-check v1 --against presets", "report v1"], [*SIMULATES, *TRAINS]),
+        (["table v1", "submit-check v1 --against v1", "report v1"], [*SIMULATES, *TRAINS]),
         (["check rnd"], [*SIMULATES, "matplotlib", "seaborn"]),
     ],
     ids=["help", "results", "check"],
