@@ -60,6 +60,12 @@ def reading(path: Path) -> AbstractContextManager[None]:
     return _named(f"cannot read {path}")
 
 
+def read_content(path: Path) -> bytes:
+    """The bytes of a file. Raises ValueError if it cannot be read."""
+    with reading(path):
+        return path.read_bytes()
+
+
 @contextmanager
 def _named(what: str) -> Iterator[None]:
     try:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from make_presets import DOCS, mean
+from make_presets import DOCS
 from scipy import stats
 from sections import markdown, replace_section
 
@@ -12,7 +12,6 @@ from curiobench.analysis import load
 from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
 from curiobench.analysis.frames import Results
 from curiobench.analysis.style import COLOURS
-from curiobench.evaluation import last_evaluation
 from curiobench.run_folder import read_json, read_rows
 
 RESULTS = DOCS.parent / "results"
@@ -34,12 +33,17 @@ def read_sweep() -> Sweep:
     return sweep
 
 
+def mean_by_tau(sweep: Sweep) -> dict[float, float]:
+    """Mean over methods and seeds for each tau, in ascending order."""
+    taus = sorted(next(iter(sweep.values())))
+    return {tau: float(np.mean([by_tau[tau] for by_tau in sweep.values()])) for tau in taus}
+
+
 def tau_table(sweep: Sweep) -> str:
     """A row a method: final mean success for each tau, seed by seed; then the mean over methods and seeds."""
-    taus = sorted(next(iter(sweep.values())))
-    rows = [[m, *(", ".join(f"{v:.2f}" for v in by_tau[t]) for t in taus)] for m, by_tau in sweep.items()]
-    means = [np.mean([by_tau[tau] for by_tau in sweep.values()]) for tau in taus]
-    return markdown(["τ", *map(str, taus)], [*rows, ["mean of all", *(f"{value:.2f}" for value in means)]])
+    means = mean_by_tau(sweep)
+    rows = [[m, *(", ".join(f"{v:.2f}" for v in by_tau[tau]) for tau in means)] for m, by_tau in sweep.items()]
+    return markdown(["τ", *map(str, means)], [*rows, ["mean of all", *(f"{value:.2f}" for value in means.values())]])
 
 
 def tau_differences(sweep: Sweep) -> str:
@@ -59,14 +63,15 @@ def draw_tau(sweep: Sweep, path: Path) -> None:
     """A line a method: mean over seeds of final success by tau; a dot a run; the mean over methods in black."""
     figure = new_figure(6, 3.5, dpi=150)
     axes = figure.subplots()
+    means = mean_by_tau(sweep)
+    taus = list(means)
     for method, by_tau in sweep.items():
-        taus, colour = sorted(by_tau), COLOURS["mi" if method == "mihm" else method]
+        colour = COLOURS["mi" if method == "mihm" else method]
         style = {"color": colour, "linewidth": 1, "linestyle": "-" if method == "mihm" else "--"}
         axes.plot(taus, [np.mean(by_tau[tau]) for tau in taus], label=method, **style)
         for tau in taus:
             axes.plot([tau] * len(by_tau[tau]), by_tau[tau], ".", color=colour, alpha=0.6)
-    overall = [np.mean([by_tau[tau] for by_tau in sweep.values()]) for tau in taus]
-    axes.plot(taus, overall, "k", linewidth=2.5, label="mean of the five")
+    axes.plot(taus, list(means.values()), "k", linewidth=2.5, label="mean of the five")
     axes.set(xlabel="τ", ylabel="success after 3 epochs", xscale="log", ylim=(0, 1.02))
     axes.set_xticks(taus, list(map(str, taus)))
     axes.set_xticks([], minor=True)
@@ -87,7 +92,7 @@ def before_and_after(results: Results) -> str:
     rows = []
     for run in sorted((RESULTS / "before").glob("stack2-*")):
         method, _, seed = run.name.removeprefix("stack2-").rpartition("-")
-        before = mean(last_evaluation(read_rows(run / "evaluations.csv")))
+        before = read_json(run / "result.json")["success"]
         spreads = float(read_rows(run / "progress.csv")[-1]["bonus_spread"]), progress["bonus_spread"][run.name]
         rows.append([method, seed, f"{before:.2f}", f"{after[run.name]:.2f}", *(f"{value:.3f}" for value in spreads)])
     head = ["method", "seed", "success before", "success after", "spread of the bonus before", "after"]

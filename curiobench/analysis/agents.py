@@ -14,7 +14,8 @@ import pandas as pd
 from curiobench.analysis.folders import AGENT_FILES, AGENTS, WEIGHTS, agent_name, agents_of, check_sums, is_published
 from curiobench.analysis.frames import Results
 from curiobench.analysis.samples import DECIMALS
-from curiobench.files import reading, utf8
+from curiobench.files import read_content, utf8
+from curiobench.run_folder import CHECKPOINT
 
 _README = """# Trained agents
 
@@ -77,7 +78,7 @@ def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -
     if is_published(config_file.parents[1]):
         return _in_set(run, config_file)
     folder = config_file.parent
-    if not (folder / "checkpoint").is_dir():
+    if not (folder / CHECKPOINT).is_dir():
         raise ValueError("no run has a checkpoint")
     from curiobench.published_agent import packed  # torch takes seconds to import
     from curiobench.saved_agent import load_saved
@@ -85,19 +86,14 @@ def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -
     saved = load_saved(folder, trusted)
     if saved.epoch != run["epoch"]:
         raise ValueError(f"the checkpoint of {folder} is of epoch {saved.epoch}, not {run['epoch']}")
-    return _content(config_file), packed(saved.agent)
+    return read_content(config_file), packed(saved.agent)
 
 
 def _in_set(run: dict[str, Any], config_file: Path) -> tuple[bytes, bytes]:
     """Contents of the two files of a run's agent in a published set. Raises ValueError if the set has none."""
     home, name = config_file.parents[1], agent_name(run["task"], run["method"])
-    of_run = name in agents_of(home) and _content(home / AGENTS / name / "config.json") == _content(config_file)
+    of_run = name in agents_of(home) and read_content(home / AGENTS / name / "config.json") == read_content(config_file)
     if not of_run:
         raise ValueError("no run has a checkpoint")
     check_sums(home, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
-    return _content(config_file), _content(home / AGENTS / name / WEIGHTS)
-
-
-def _content(file: Path) -> bytes:
-    with reading(file):
-        return file.read_bytes()
+    return read_content(config_file), read_content(home / AGENTS / name / WEIGHTS)

@@ -13,7 +13,7 @@ import pandas as pd
 from curiobench.analysis.agents import collect_agents
 from curiobench.analysis.folders import AGENTS, CONFIGS, PUBLISHED_FILES, SUMS, agents_of, check_sums, is_published
 from curiobench.analysis.frames import Results, read_results
-from curiobench.files import reading, replace_file, sync_folder, utf8, writing_to
+from curiobench.files import read_content, replace_file, sync_folder, utf8, writing_to
 
 DERIVED = ("tables", "figures", "report.html")  # made from the csv files each time a set is published
 _OWN = {*PUBLISHED_FILES, CONFIGS, AGENTS, SUMS, *DERIVED}
@@ -42,7 +42,7 @@ def publish(
     """
     results = read_results(paths, longest=True)
     _check_runs(results, allow_dirty)
-    files = {f"{CONFIGS}/{run}.json": _content(file) for run, file in results.config_files.items()}
+    files = {f"{CONFIGS}/{run}.json": read_content(file) for run, file in results.config_files.items()}
     agents, notes = collect_agents(results, trusted)
     files |= agents
     place = out.resolve()
@@ -71,11 +71,6 @@ def _write_in_place(place: Path, results: Results, files: Mapping[str, bytes], r
         sync_folder(place.parent)
     finally:
         _tidy(place, old, new)
-
-
-def _content(file: Path) -> bytes:
-    with reading(file):
-        return file.read_bytes()
 
 
 def _check_runs(results: Results, allow_dirty: bool) -> None:

@@ -62,8 +62,9 @@ def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: G
             view.close()
     statuses = scheduler.statuses
     faults = [status for status in statuses if status.state in (State.BROKEN, State.CONFLICT)]
+    terminal = Terminal()
     for status in faults:
-        Terminal().say(_fault_line(status))
+        terminal.say(_fault_line(status))
     if stop.count:
         raise Interrupted(f"{status_line(statuses, slots)}; the same command continues", stop.number)
     if faults:
