@@ -171,20 +171,14 @@ class PairEncoder:
         pairs = rows.new_empty(len(rows), len(self._pairs), rows.shape[1], self.pair_size)
         fused_encoding.encode(
             rows.numpy(),
-            self._shift.numpy(),
-            self._scale.numpy(),
-            self.body.clip,
-            self._detail_scale.numpy(),
+            (self._shift.numpy(), self._scale.numpy(), self.body.clip, self._detail_scale.numpy()),
             (layout.body_size, layout.block_size, layout.goal_size),
             self._pairs.numpy(),
-            mode,
             # constants are arguments because Numba's cache does not notice a change of globals
-            near_field.ROLE_WEIGHTS,
+            (mode, near_field.ROLE_WEIGHTS),
             self.near_field,
             near_field.SCALES,
-            state.numpy(),
-            context.numpy(),
-            pairs.numpy(),
+            (state.numpy(), context.numpy(), pairs.numpy()),
         )
         return state, context, pairs
 
