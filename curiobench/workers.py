@@ -1,5 +1,6 @@
 """The same work on several cores: processes that are forked, and so have imported everything already."""
 
+import ctypes
 import gc
 import math
 import multiprocessing
@@ -7,8 +8,9 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from multiprocessing.connection import Connection
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,10 +18,9 @@ Item, Result = TypeVar("Item"), TypeVar("Result")
 
 MOST = 8
 """More processes than this wait for each other's memory."""
-_TOKEN = 8
-"""Bytes of a number in the pipe from which work is taken."""
-_TOKENS = 4096 // _TOKEN
-"""As many as any pipe holds."""
+_PR_SET_PDEATHSIG = 1  # of Linux's <sys/prctl.h>
+_work: tuple[Callable[[Any], Any], Sequence[Any]]
+"""In a forked process: what it does, and with which items. They are inherited, and so need not be pickled."""
 
 
 def cores() -> int:
@@ -61,35 +62,34 @@ def no_collection() -> Iterator[None]:
 
 
 def parallel_map(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    processes: int,
-    least: int = 1,
-    meanwhile: Callable[[], object] = lambda: None,
+    function: Callable[[Item], Result], items: Sequence[Item], processes: int, least: int = 1
 ) -> list[Result]:
-    """`[function(item) for item in items]`, where each process takes the next item when it is done with one.
+    """`[function(item) for item in items]`, on several processes.
 
     Args:
         function: gives the same result in any process, one that can be pickled.
-        items: in the order in which they are taken.
-        processes: this one among them. With 1 nothing is forked, nor where the system cannot fork safely.
+        items: what it is called with.
+        processes: with 1 nothing is forked, nor where the system cannot fork safely.
         least: items a process for which it is worth forking.
-        meanwhile: what this process does before it takes an item, while the others have begun.
 
     Returns:
-        Results in the order of the items.
+        Results in the order of the items. If a process dies or cannot be started, this process does all the work.
 
     Raises:
-        Exception: what the function raised, of any of the items. Items of a forked process that failed or
-            died are done again in this process.
+        Exception: what the function raised.
     """
     processes = min(processes, len(items) // least) if _may_fork() else 1
-    known: dict[int, Result] = {}
     if processes > 1:
-        known = _share(_Work(function, items), processes - 1, meanwhile)
-    else:
-        meanwhile()
-    return [known[i] if i in known else function(item) for i, item in enumerate(items)]
+        others = set(multiprocessing.active_children())
+        fork = multiprocessing.get_context("fork")
+        try:
+            with ProcessPoolExecutor(processes, fork, _begin, (function, items, os.getpid())) as pool:
+                return list(pool.map(_do, range(len(items))))
+        except (BrokenProcessPool, OSError):
+            for child in set(multiprocessing.active_children()) - others:  # if only some could be started
+                child.kill()
+                child.join()
+    return [function(item) for item in items]
 
 
 def _may_fork() -> bool:
@@ -97,84 +97,16 @@ def _may_fork() -> bool:
     return sys.platform == "linux" and not multiprocessing.current_process().daemon
 
 
-def _share(work: "_Work", helpers: int, meanwhile: Callable[[], object]) -> dict[int, Any]:
-    """Results by position, as far as they arrived."""
-    with ExitStack() as stack:
-        stack.callback(work.close)
-        started: list[_Helper] = []
-        with suppress(OSError):  # no more processes available: the existing ones do the work
-            while len(started) < helpers:
-                started.append(_Helper(work))
-                stack.callback(started[-1].stop)
-        meanwhile()
-        known = dict(work.results())
-        for helper in started:
-            known.update(helper.results())
-        return known
-
-
-class _Work:
-    """Items that processes take in turn from a pipe. A lock would not be released by a process that is killed."""
-
-    def __init__(self, function: Callable[[Any], Any], items: Sequence[Any]) -> None:
-        self._function, self._items = function, items
-        self._step = max(1, -(-len(items) // _TOKENS))
-        self._queue, end = os.pipe()
-        for start in range(0, len(items), self._step):
-            os.write(end, start.to_bytes(_TOKEN, "little"))
-        os.close(end)
-
-    def results(self) -> Iterator[tuple[int, Any]]:
-        """Take items until none is left; gives their positions and results."""
-        while token := os.read(self._queue, _TOKEN):
-            start = int.from_bytes(token, "little")
-            for position in range(start, min(start + self._step, len(self._items))):
-                yield position, self._function(self._items[position])
-
-    def close(self) -> None:
-        """Close the pipe."""
-        os.close(self._queue)
-
-
-class _Helper:
-    """A forked process that takes items, and sends its results when none is left."""
-
-    def __init__(self, work: _Work) -> None:
-        """Raises OSError where no process can be started."""
-        context = multiprocessing.get_context("fork")
-        self._receiver, sender = context.Pipe(duplex=False)
-        self._process = context.Process(target=_help, args=(self._receiver, sender, work), daemon=True)
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # Ctrl-C reaches this process alone
-        try:
-            self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            sender.close()  # so that the end of the process ends the pipe
-
-    def results(self) -> Iterator[tuple[int, Any]]:
-        """Positions and results; fewer where it failed or died."""
-        with suppress(Exception):  # a result that cannot be received is computed again
-            while True:
-                yield self._receiver.recv()
-
-    def stop(self) -> None:
-        """Kill it."""
-        self._process.kill()
-        self._process.join()
-        self._receiver.close()
-
-
-def _help(receiver: Connection, sender: Connection, work: _Work) -> None:
-    """What a helper does. It reports no errors: its parent does the same items again, and meets them, too."""
-    receiver.close()  # so that sending fails when the other process is gone
-    helped = os.getppid()
-    done = []
-    try:
-        for result in work.results():
-            done.append(result)
-            if os.getppid() != helped:
-                os._exit(1)
-        for result in done:  # not before: the parent does not receive yet, and sending would block
-            sender.send(result)
-    except BaseException:
+def _begin(function: Callable[[Any], Any], items: Sequence[Any], parent: int) -> None:
+    """Prepare a forked process, which ends with its parent, however that ends."""
+    global _work
+    _work = function, items
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent too
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
         os._exit(1)
+
+
+def _do(position: int) -> Any:
+    function, items = _work
+    return function(items[position])

@@ -4,7 +4,7 @@ import functools
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,6 @@ def read_results(
     every_goal: bool = True,
     progress: bool | Collection[str] = True,
     processes: int = 1,
-    meanwhile: Callable[[], object] = lambda: None,
     longest: bool = False,
 ) -> Results:
     """Read runs. Imports no method and writes nothing.
@@ -91,7 +90,6 @@ def read_results(
         progress: whether to read progress.csv. Names of columns read these and those that every run has, of runs that
             have one of them.
         processes: number of processes that read, if there are many folders; the results do not depend on it.
-        meanwhile: called in this process while others begin to read, for example for a slow import.
         longest: leave out, without a fault, runs that are the beginning of a longer run.
 
     Returns the valid runs, sorted by task, method, variant and seed, and faults about the others. Raises ValueError
@@ -104,7 +102,7 @@ def read_results(
         known: set[Path] = set()
         found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, known)]
         folders = [what for what, _ in found if isinstance(what, tuple)]
-        loaded = iter(parallel_map(load_folder, folders, processes, FEWEST, meanwhile))
+        loaded = iter(parallel_map(load_folder, folders, processes, FEWEST))
         read = [(next(loaded) if isinstance(what, tuple) else what, asked) for what, asked in found]
         runs, faults, absent = _usable(read)
         return _results(without_beginnings(runs) if longest else runs, (*faults, *absent), tuple(absent))

@@ -122,14 +122,6 @@ def layer_in_words(layer: int) -> str:
     return f"{('no', 'one', 'two', 'three', 'four', 'five')[layer]} layer{'s' * (layer > 1)}" if layer else "all goals"
 
 
-def preload() -> None:
-    """Import what figures need, which takes a second."""
-    import_matplotlib()
-    import matplotlib.backends.backend_agg
-    import matplotlib.backends.backend_pdf  # noqa: F401
-    import seaborn  # noqa: F401
-
-
 @contextmanager
 def theme() -> Iterator[None]:
     """Seaborn's theme for paper with our sizes, while it lasts."""

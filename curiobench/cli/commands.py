@@ -91,10 +91,9 @@ def figure(arguments: FigureArguments) -> None:
     from curiobench.analysis.figures import draw_figures
     from curiobench.analysis.frames import print_faults, read_results
     from curiobench.analysis.samples import LOGGED
-    from curiobench.analysis.style import preload
     from curiobench.workers import cores
 
-    results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores(), preload)
+    results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores())
     for file in draw_figures(results, arguments.out, arguments.like, arguments.format.split(","), cores()):
         print(file)
     print_faults(results, "figures")
