@@ -1,22 +1,23 @@
-"""Arguments of the commands but `train`, and how they are parsed."""
+"""Arguments of the commands but `train`; their docstrings are the help."""
 
-import inspect
-import io
-import os
-import re
-from collections.abc import Sequence
-from contextlib import redirect_stderr
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import tyro
 
-from curiobench import terminal
 from curiobench.probe import Among
 
-Arguments = TypeVar("Arguments")
+Runs = Annotated[
+    tyro.conf.Positional[tuple[Path, ...]],
+    tyro.conf.arg(help="Run folders, folders of run folders (such as a grid's), or published sets."),
+]
+Baseline = Annotated[
+    str | None,
+    tyro.conf.arg(help="Method that the others are compared with; by default sac, where there are runs of it."),
+]
+Switch = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+Partial = Annotated[Switch, tyro.conf.arg(help="Also use runs that are not finished.")]
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class GridArguments:
     """Ray cluster that is up, or auto to find it; without it one starts on this machine and ends with the grid."""
     slurm: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
     """Option of sbatch for every cell's job, such as time=240 (needed), partition=cpu, mem=4G; once for each."""
-    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    dry_run: Switch = False
     """Show every cell, its state and its command, and start nothing."""
 
 
@@ -74,7 +75,7 @@ class EvaluateArguments:
 
     run: tyro.conf.Positional[Path]
     """Run folder, or an agent of a published set such as v2/stack3/mihm."""
-    goals: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    goals: Switch = False
     """Show every goal, not only the layers."""
     episodes: int | None = None
     """Test episodes of every goal; by default as many as in the run's own evaluations."""
@@ -115,19 +116,16 @@ class TableArguments:
     A single run folder gives a line about that run. docs/results.md in the repository explains the numbers.
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders, folders of run folders such as a grid's, or published sets."""
+    runs: Runs
     like: Literal["paper"] | None = None
     """Show the tables of the paper, with its numbers beside ours."""
     format: Literal["terminal", "markdown", "latex", "csv"] = "terminal"
     """Format of what is printed."""
-    baseline: str | None = None
-    """Method that the others are compared with; by default sac, where there are runs of it."""
+    baseline: Baseline = None
     out: Path | None = None
     """Folder to write the tables to, in every format; files of the same names are replaced."""
-    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also count runs that are not finished."""
-    each_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    partial: Partial = False
+    each_run: Switch = False
     """Show a line per run, finished or not."""
 
 
@@ -138,14 +136,12 @@ class FigureArguments:
     Each task has its own files. A method has the same colour in all. docs/figures.md in the repository explains them.
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    runs: Runs
     out: Path = Path("figures")
     """Folder of the files; those of the same names are replaced."""
     like: str | None = None
     """"paper" draws only the paper's Figures 4, 6C and 7."""
-    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also use runs that are not finished."""
+    partial: Partial = False
     format: str = "pdf,png"
     """File formats, comma-separated: pdf, png, svg."""
 
@@ -157,16 +153,13 @@ class ReportArguments:
     The page needs no network and no other file.
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    runs: Runs
     out: Path = Path("report.html")
     """File to write; replaced if it is there."""
     title: str | None = None
     """Title of the page; by default it names the tasks."""
-    partial: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also use runs that are not finished."""
-    baseline: str | None = None
-    """Method that the others are compared with; by default sac, where there are runs of it."""
+    partial: Partial = False
+    baseline: Baseline = None
 
 
 @dataclass(frozen=True)
@@ -178,13 +171,12 @@ class PublishArguments:
     task and method that still has its checkpoint gives the agent.
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    runs: Runs
     out: Path
     """Folder of the set, such as results/v1."""
-    allow_dirty: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    allow_dirty: Switch = False
     """Also take runs of altered code, or of code whose commit is not known."""
-    replace: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    replace: Switch = False
     """Also where runs of the set that is there would be lost or get other numbers, or agents be lost."""
     method: tuple[str, ...] = ()
     """The runs' methods that are from outside: naming them allows importing them; without, they give no agents."""
@@ -198,8 +190,7 @@ class SubmitCheckArguments:
     little), and details below it.
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Run folders, folders of run folders (such as a grid's), or published sets."""
+    runs: Runs
     against: str | None = None
     """Published set to compare with, by name or path, or "presets"; by default the newest that comes with curiobench,
     or the presets where there is none."""
@@ -249,54 +240,3 @@ class CheckArguments:
 
     method: tyro.conf.Positional[str]
     """Method spec, such as my_pkg.curiosity:Mine or rnd."""
-
-
-def parse_arguments(
-    kind: type[Arguments], command: str, arguments: Sequence[str], default: Arguments | None = None
-) -> Arguments:
-    """Read the arguments of a command.
-
-    Args:
-        kind: dataclass of the command's arguments; its docstrings are the help.
-        command: its name.
-        arguments: what follows the command.
-        default: values of what is not given.
-
-    Raises:
-        ValueError: arguments that are not understood; one line.
-        SystemExit: on `--help`, after showing it.
-    """
-    for flag, argument in pairwise(["an argument", *arguments]):
-        if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
-            raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
-    messages = io.StringIO()
-    tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # which it does not read by itself
-    try:
-        with redirect_stderr(messages):
-            return tyro.cli(
-                kind, prog=f"curiobench {command}", description=_about(kind), args=list(arguments), default=default
-            )
-    except SystemExit as exit_:
-        if not exit_.code:
-            raise
-        raise ValueError(_one_line(messages.getvalue())) from None
-
-
-def _about(kind: type) -> str:
-    """The docstring of a command's arguments, as wide as the terminal; tyro breaks the lines of options alone."""
-    paragraphs = inspect.cleandoc(kind.__doc__ or "").split("\n\n")
-    columns = terminal.width()
-    # the indent keeps the breaks: tyro joins lines that begin with a letter
-    return "\n\n".join(terminal.wrapped(" ".join(paragraph.split()), columns, "", "  ") for paragraph in paragraphs)
-
-
-def _one_line(box: str) -> str:
-    """The message in a box as tyro draws it: its first section, and the flag that it suggests."""
-    rows = re.sub(r"\x1b\[[\d;]*m", "", box).splitlines()
-    # where the output is not UTF-8 there is no box, but a headline, and a line of dashes between sections
-    framed = [row for row in rows if row.startswith("│")] or [row for row in rows if row.strip()][2:]
-    sections = re.split(r"\n[─-]+\n", "\n".join(row.strip("│ ") for row in framed))
-    message = " ".join(sections[0].split())
-    if suggested := re.search(r"Perhaps you meant:\n(\S+)", "\n".join(sections[1:])):
-        message += f"; perhaps you meant {suggested[1]}"
-    return message

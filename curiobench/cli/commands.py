@@ -23,8 +23,8 @@ from curiobench.cli.arguments import (
     SubmitCheckArguments,
     TableArguments,
     VideoArguments,
-    parse_arguments,
 )
+from curiobench.cli.parsing import parse_arguments
 from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra, one_line
 from curiobench.tasks.registration import check_name
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from curiobench.cli.arguments import parse_arguments
+from curiobench.cli.parsing import parse_arguments
 from curiobench.config import RunConfig
 from curiobench.methods.specs import canonical
 from curiobench.presets import preset

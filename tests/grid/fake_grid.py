@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from curiobench.cli.arguments import GridArguments, parse_arguments
+from curiobench.cli.arguments import GridArguments
+from curiobench.cli.parsing import parse_arguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from fake_grid import make_cells
 
-from curiobench.cli.arguments import GridArguments, parse_arguments
+from curiobench.cli.arguments import GridArguments
+from curiobench.cli.parsing import parse_arguments
 from curiobench.cli.train_arguments import parse_train
 from curiobench.grid.cells import GRID_FILE, cells_of, folder_name, write_record
 from curiobench.grid.definition import Grid, define, read_definition

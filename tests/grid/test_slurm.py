@@ -10,7 +10,8 @@ import time
 import pytest
 from fake_grid import FAKE, SLURM, make_cells, rows, set_up_fakes, start, undisturbed
 
-from curiobench.cli.arguments import GridArguments, parse_arguments
+from curiobench.cli.arguments import GridArguments
+from curiobench.cli.parsing import parse_arguments
 from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
 from curiobench.grid.overview import PlainGridView
