@@ -88,8 +88,7 @@ class FigureKind:
     """A figure that each task gets."""
 
     draw: Callable[[TaskSamples, Samples], list["Figure"]]
-    caption: str  # what it shows, in the figure itself
-    in_report: str  # what it shows, below it in a report
+    caption: str  # what it shows
     seeds: str = "Lines: mean over {seeds}; bands: 95 % bootstrap interval over seeds"
     """The sentence on seeds, if there are several."""
     methods: tuple[str, ...] | None = None  # methods in it; None for all
@@ -106,44 +105,34 @@ FIGURES = MappingProxyType(
         "learning-curves": FigureKind(
             draw_success,
             "Success from plain starts, mean over goals",
-            "Success at evaluations over training: mean over seeds and goals, of all goals and of each layer; bands "
-            "are 95 % bootstrap intervals over seeds.",
         ),
         "learned-goals": FigureKind(
             draw_learned,
             "Goals with a success above 80 %",
-            "Number of goals whose success is above 80 %, over training.",
         ),
         "exploitation": FigureKind(
             draw_exploitation,
-            "Share of training steps at which the exploitation policy π_d acted",
-            "Share of training steps at which the exploitation policy π_d acted; the rest was exploration.",
+            "Share of training steps at which the exploitation policy π_d acted; the rest was exploration",
             column="share_exploitation",
         ),
         "bonus": FigureKind(
             draw_bonus,
-            "Standard deviation of τ · n(r_int) over a batch; near 0 it is dead",
-            "Spread over a batch of what curiosity adds to the reward, τ · n(r_int); near 0 it is dead.",
+            "Spread of the intrinsic reward τ · n(r_int): its standard deviation over a batch; near 0 it has no effect",
             column="bonus_spread",
         ),
         "heat-map": FigureKind(
             draw_heat_map,
             "Success of each goal at the last evaluation",
-            "Success of each goal at the last evaluation, mean over seeds.",
             "Mean over {seeds}",
         ),
         "profile": FigureKind(
             draw_profile,
-            "Share of goals and seeds that end above a success of τ",
-            "Performance profile: the share of goals and seeds whose final success is above τ. Higher is better, at "
-            "every τ.",
+            "Performance profile: share of goals and seeds whose final success is above τ; higher is better",
         ),
         "comparison": FigureKind(
             draw_comparison,
-            "The last evaluation, and success averaged over training; dotted: success before training",
-            "Learned goals and mean success at the last evaluation, with 95 % bootstrap intervals; small dots are "
-            "seeds.",
-            "Large: mean over {seeds} and its 95 % bootstrap interval; small: each seed",
+            "Learned goals and success at the last evaluation, and over training; dotted: before training",
+            "Large dots: mean over {seeds} and its 95 % bootstrap interval; small dots: each seed",
         ),
     }
 )

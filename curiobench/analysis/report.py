@@ -123,7 +123,7 @@ def _figure_entry(path: Path) -> dict[str, Any]:
 
     content = _shortened(path.read_bytes())
     task, kind = re.fullmatch(rf"(.+)-({'|'.join(FIGURES)})(?:-[0-9]+)?", path.stem).groups()
-    caption = f"{task}: {FIGURES[kind].in_report}"
+    caption = f"{task}: {FIGURES[kind].caption}."
     sizes = {side: re.search(rb'<svg[^>]* %s="([\d.]+)' % side.encode(), content) for side in ("width", "height")}
     return {
         "source": f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}",
