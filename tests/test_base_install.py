@@ -35,6 +35,15 @@ def test_the_extra_is_what_messages_take_it_for():
     assert {name.removeprefix("py") for name in names} == {*OF_TRAIN}
 
 
+@pytest.mark.slow
+def test_the_pinned_versions_fit_every_extra():
+    """Needs a package index."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--constraint", "constraints.txt"]
+    done = subprocess.run([*pip, f".[{','.join(extras)}]"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_environments_need_no_extra(tmp_path):
     code = """
 import gymnasium
