@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from plots import lines
+from synthetic import LONG, NINE, uneven
 
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
 from curiobench.analysis.figures import (
@@ -20,161 +22,8 @@ from curiobench.analysis.figures import (
     thinned,
 )
 from curiobench.analysis.frames import read_results
-from curiobench.analysis.samples import task_samples
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import COLOURS, OUTSIDE, line_styles, theme
-
-LONG = "my_lab.curiosity:SomethingLong+hm"
-NINE = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
-
-
-@pytest.fixture
-def samples(make_runs):
-    """Makes runs of one task, and gives its samples."""
-
-    def make(**options):
-        (task,) = task_samples(read_results(make_runs(**options), every_goal=False))
-        return task
-
-    return make
-
-
-@pytest.fixture
-def drawn(samples):
-    """Makes runs of one task, and gives the pages of a kind of figure of all of them."""
-
-    def make(draw, **options):
-        task = samples(**options)
-        with theme():
-            return draw(task, task.samples)
-
-    return make
-
-
-def lines(axes):
-    """Lines of an Axes by label, grey ones without."""
-    return {line.get_label(): line for line in axes.lines if not line.get_label().startswith("_")}
-
-
-def seen_ticks(axes):
-    """Numbers on the y axis; locators give some beyond its ends, too."""
-    low, high = axes.get_ylim()
-    return [tick for tick in axes.get_yticks() if low <= tick <= high]
-
-
-def uneven(task, method, seed, epoch, goal):
-    """Success of 1 from an epoch on that differs with goal and seed."""
-    return float(epoch >= goal + seed + (method == "sac"))
-
-
-def test_samples_hold_means_of_layers_and_last_success_of_goals(samples):
-    task = samples(methods=("mihm", "sac"), seeds=2, success=uneven)
-    assert [sample.method for sample in task.samples] == ["sac", "mihm"]
-    assert task.sizes == {0: 4, 1: 2, 2: 2}
-    mihm = task.samples[1]
-    assert mihm.epochs.tolist() == [0, 1, 2, 3, 4]
-    assert mihm.success[0, :, 0].tolist() == [0.25, 0.5, 0.75, 1, 1]
-    assert mihm.success[1, :, 2].tolist() == [0, 0, 0, 0.5, 1]
-    assert mihm.learned[0, :, 1].tolist() == [1, 2, 2, 2, 2]
-    assert task.samples[0].goal_success.tolist() == [[1, 1, 1, 1], [1, 1, 1, 0]]
-    assert mihm.area[0] == pytest.approx((0.125 + 0.5 + 0.75 + 1 + 0.5) / 4)
-    assert task.steps_per_epoch == 1000
-
-
-def test_a_panel_for_each_layer_that_the_task_has(drawn):
-    (two,) = drawn(draw_success)
-    assert [axes.get_title("left") for axes in two.axes] == [
-        "A  all goals (4)",
-        "B  one layer (2)",
-        "C  two layers (2)",
-    ]
-    (three,) = drawn(draw_success, tasks=["stack3"], seeds=1, suffix="-three")
-    assert [axes.get_title("left")[3:] for axes in three.axes] == [
-        *("all goals (35)", "one layer (8)", "two layers (21)", "three layers (6)")
-    ]
-
-
-def test_lines_are_means_and_bands_are_bootstrap_intervals(samples):
-    task = samples(success=uneven)
-    with theme():
-        axes = draw_success(task, task.samples)[0].axes[0]
-    for sample, band in zip(task.samples, axes.collections, strict=True):
-        line = lines(axes)[sample.method]
-        assert line.get_xdata().tolist() == [0, 1, 2, 3, 4]
-        assert line.get_ydata() == pytest.approx(sample.success[..., 0].mean(0))
-        low, high = curve_interval(sample.success[..., 0])
-        corners = band.get_paths()[0].vertices
-        for x in range(5):
-            assert corners[corners[:, 0] == x, 1].min() == pytest.approx(low[x])
-            assert corners[corners[:, 0] == x, 1].max() == pytest.approx(high[x])
-
-
-@pytest.mark.parametrize(("level", "top"), [(0.08, 0.1), (0.12, 0.2), (0.36, 0.4), (0.4, 1), (1, 1)])
-def test_low_curves_have_axes_that_end_close_above_them_the_same_in_all_panels(drawn, level, top):
-    (figure,) = drawn(draw_success, seeds=1, success=lambda task, method, seed, epoch, goal: level * (goal > 1))
-    assert [axes.get_ylim()[1] for axes in figure.axes] == pytest.approx([1.04 * top] * 3)
-    assert all(seen_ticks(axes)[-1] == pytest.approx(top) for axes in figure.axes)
-
-
-def test_axes_of_one_seed_without_a_learned_goal(drawn):
-    (figure,) = drawn(draw_learned, seeds=1, epochs=40, success=lambda *args: 0)
-    (axes,) = figure.axes
-    assert seen_ticks(axes) == [0, 1, 2]  # integers
-    assert len(axes.lines) == 2
-    assert not axes.collections  # a single seed has no band
-    assert axes.get_xlabel() == "epoch (million steps)"
-    assert axes.xaxis.get_major_formatter()(20) == "20\n(0.02)"
-
-
-def test_no_steps_where_an_epoch_has_no_fixed_number_of_them(samples):
-    task = replace(samples(), steps_per_epoch=None)
-    with theme():
-        assert draw_learned(task, task.samples)[0].axes[0].get_xlabel() == "epoch"
-
-
-def test_many_methods_are_small_multiples_with_sac_in_each(drawn):
-    (figure,) = drawn(draw_success, methods=NINE, seeds=2)
-    panels = np.reshape(figure.axes, (5, 3))
-    assert [axes.get_ylabel() for axes in panels[:, 0]] == ["icm", "rnd", "dac", "re3", "mi"]
-    assert [list(lines(axes)) for axes in panels[:, 1]] == [
-        *(["sac", "icm", "icm+hm"], ["sac", "rnd", "rnd+hm"], ["sac", "dac"], ["sac", "re3"], ["sac", "mihm", "mi"])
-    ]
-    assert all(len(axes.lines) == 9 for axes in figure.axes)
-    assert {text.get_text() for text in figure.legends[0].get_texts()} == {*NINE, "all others"}
-
-
-def test_many_variants_of_one_method_take_several_pages(samples):
-    task = samples(seeds=1, methods=("icm",))
-    many = [replace(task.samples[0], variant=f"sac.tau={i}") for i in range(9)]
-    with theme():
-        pages = draw_success(task, many)
-    names = [axes.get_ylabel() for page in pages for axes in page.axes[::3]]
-    assert len(pages) == 2
-    assert [name.replace("\n", " ") for name in names] == [f"icm, sac.tau={i}" for i in range(9)]
-
-
-def test_a_method_looks_the_same_in_every_figure(drawn):
-    few = lines(drawn(draw_success, methods=("sac", "icm+hm", LONG), seeds=2)[0].axes[0])
-    many = drawn(draw_success, methods=(*NINE, LONG), seeds=2, suffix="-again")[0]
-    all_lines = {name: line for axes in many.axes for name, line in lines(axes).items()}
-    assert set(few) == {"sac", "icm+hm", "SomethingLong+hm"}
-    for name, line in few.items():
-        for look in ("color", "linestyle", "marker", "markerfacecolor"):
-            assert getattr(line, f"get_{look}")() == getattr(all_lines[name], f"get_{look}")()
-    assert all_lines["icm"].get_linestyle() == "--"
-    assert all_lines["icm"].get_color() == all_lines["icm+hm"].get_color()
-
-
-def test_every_method_from_outside_has_a_colour_of_its_own_that_stays(samples):
-    names = [f"lab:Class{i}" for i in range(len(OUTSIDE))]
-    colours = {sample.method: sample.look["color"] for sample in samples(methods=["sac", *names]).samples}
-    assert len(set(colours.values())) == len(names) + 1
-    assert not {colours[name] for name in names} & set(COLOURS.values())
-    alone = [line_styles([name])[name]["color"] for name in names]
-    assert len(set(alone)) > 1
-    assert line_styles([names[0], "icm"])[names[0]]["color"] == alone[0]
-    assert line_styles(["lab:Class0+hm", names[0]])["lab:Class0+hm"]["color"] == alone[0]
-    assert len(line_styles([*names, "lab:OneMore"])) == len(names) + 1
+from curiobench.analysis.style import theme
 
 
 def test_logged_columns_are_drawn_of_methods_that_have_them(samples):
@@ -280,14 +129,6 @@ def test_curves_are_thinned_to_what_can_be_seen():
         assert values[0].tolist() == epochs.tolist()
 
 
-def test_goals_that_differ_within_a_task_are_an_error(make_runs):
-    results = read_results(make_runs(seeds=2), every_goal=False)
-    rows = results.evaluations
-    lacking = rows[(rows["run"] != "stack2-mihm-1") | (rows["goal"] != "a on b")]
-    with pytest.raises(ValueError, match="stack2-mihm-1 have other goals"):
-        task_samples(replace(results, evaluations=lacking))
-
-
 def names(paths):
     return [path.name for path in paths]
 
@@ -355,19 +196,3 @@ def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
     partial, absent = err.splitlines()
     assert "stack2-icm-0 is partial" in partial
     assert (code, absent.partition("none is")[0]) == (2, f"curiobench: not in the figures: {tmp_path}/")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ((), "stack2-sac-0 is partial"),
-        (("--partial", "--format", "pdf,jpg"), "unknown format 'jpg'; legal are pdf, png, svg"),
-        (("--partial", "--like", "theirs"), "like is 'theirs'; it can be 'paper'"),
-        (("--partial", "--out", "/dev/null/x"), "cannot write to /dev/null/x"),
-    ],
-)
-def test_bad_input_takes_one_line_and_code_2(make_runs, cli, options, message):
-    code, out, err = cli("figure", *make_runs(methods=("sac",), seeds=1, complete=False), *options)
-    assert (code, out) == (2, "")
-    assert message in err
-    assert err.count("\n") == 1

@@ -1,7 +1,5 @@
 """Agents of published sets: they act as they did in evaluations, and nothing that is wrong with a file goes unsaid."""
 
-import hashlib
-import json
 import os
 import shutil
 import tomllib
@@ -10,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lawful import edit_options, sign
 from safetensors.numpy import load_file, save_file
 from tiny_runs import TINY
 
 import curiobench
 from curiobench.analysis import agents as choice
 from curiobench.analysis import folders, load
-from curiobench.analysis import publish as module
 from curiobench.analysis.folders import AGENTS, SUMS, WEIGHTS, read_sums
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.publish import publish
@@ -24,11 +22,7 @@ from curiobench.saved_agent import load_agent
 from curiobench.training import train
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(autouse=True)
-def _undrawn(monkeypatch):
-    monkeypatch.setattr(module, "derive", lambda folder: None)
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 @pytest.fixture(scope="module")
@@ -63,15 +57,19 @@ def test_a_published_agent_acts_as_in_evaluations(finished, hybrid, out, monkeyp
     assert not np.array_equal(agent.act(*seen), expected)
 
 
-def test_it_is_small_and_among_what_is_signed_and_installed(out, finished):
+def test_it_is_small_and_all_of_its_set_is_signed_and_installed(out, finished):
     checkpoint = max(path.stat().st_size for path in finished.rglob("agent-*.pt"))
     assert (out / AGENTS / "stack2-mihm" / WEIGHTS).stat().st_size < checkpoint / 4
-    names = {f"stack2-{method}/{file}" for method in ("sac", "mihm") for file in ("config.json", WEIGHTS)}
-    written = {str(path.relative_to(out)) for path in (out / AGENTS).rglob("*") if path.is_file()}
-    assert written == {f"{AGENTS}/{name}" for name in (*names, "README.md")} <= {*read_sums(out)}
-    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    taken = {str(path.relative_to(out)) for glob in setup["curiobench.published"] for path in out.parent.glob(glob)}
-    assert written < taken
+    agents = {f"{AGENTS}/stack2-{method}/{file}" for method in ("sac", "mihm") for file in ("config.json", WEIGHTS)}
+    written = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert {name for name in written if name.startswith(AGENTS)} == agents | {f"{AGENTS}/README.md"}
+    assert written == {*read_sums(out), SUMS}
+    (out / "figures").mkdir()
+    (out / "figures" / "curve.png").touch()  # the wheel takes no pictures
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    assert setup["package-dir"]["curiobench.published"] == "results"
+    globs = setup["package-data"]["curiobench.published"]
+    assert {str(path.relative_to(out)) for glob in globs for path in out.parent.glob(glob)} == written
 
 
 def test_publishing_again_keeps_agents_and_their_bytes(out, finished, hybrid, make_runs, tmp_path):
@@ -111,30 +109,16 @@ def test_a_checkpoint_that_cannot_be_used_is_told_and_the_next_run_taken(finishe
     assert files == {}
     assert note.startswith("no agent of stack2 sac: cannot use ")
     other = Path(shutil.copytree(spoilt, tmp_path / "other"))
-    config = json.loads((other / "config.json").read_text())
-    (other / "config.json").write_text(json.dumps(config | {"config": config["config"] | {"seed": 1}}))
+    edit_options(other, seed=1)
     files, notes = choice.collect_agents(read_results([other, finished]), ())
     assert len(files) == 3
     assert notes == []
-
-
-def sign(folder):
-    """Write the digests of a set's files as they are now."""
-    sums = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in read_sums(folder)]
-    (folder / SUMS).write_text("".join(sums))
 
 
 def edit_weights(file, change):
     tensors = load_file(file)
     change(tensors)
     save_file(tensors, file)
-
-
-def edit_config(file, **options):
-    record = json.loads(file.read_text())
-    for name, value in options.items():
-        record["config"][name] = record["config"][name] | value if isinstance(value, dict) else value
-    file.write_text(json.dumps(record))
 
 
 NAN = {"actor.net.out_bias": np.full((1, 8, 1), np.nan, np.float32)}
@@ -148,10 +132,10 @@ NAN = {"actor.net.out_bias": np.full((1, 8, 1), np.nan, np.float32)}
         (lambda f: edit_weights(f / WEIGHTS, lambda t: t.update(NAN)), "out_bias is not finite"),
         (lambda f: edit_weights(f / WEIGHTS, lambda t: t.pop("encoder.body.mean")), "encoder.body.mean"),
         (lambda f: edit_weights(f / WEIGHTS, lambda t: t.pop("actor.net.first")), "actor|first"),
-        (lambda f: edit_config(f / "config.json", sac={"hidden": 9}), "cannot use .*size mismatch"),
-        (lambda f: edit_config(f / "config.json", sac={"hidden": 10**9}), "too small for sac.hidden"),
-        (lambda f: edit_config(f / "config.json", task="stack9"), "unknown task 'stack9'"),
-        (lambda f: edit_config(f / "config.json", method="os:system"), "no part of curiobench"),
+        (lambda f: edit_options(f, "sac", hidden=9), "cannot use .*size mismatch"),
+        (lambda f: edit_options(f, "sac", hidden=10**9), "too small for sac.hidden"),
+        (lambda f: edit_options(f, task="stack9"), "unknown task 'stack9'"),
+        (lambda f: edit_options(f, method="os:system"), "no part of curiobench"),
         (lambda f: (f / "config.json").write_text("{"), "cannot read .*config.json"),
     ],
 )

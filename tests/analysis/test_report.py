@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from synthetic import write_runs
+from synthetic import NINE, write_runs
 
 from curiobench.analysis import report
 from curiobench.analysis.formats import markdown
@@ -19,7 +19,6 @@ from curiobench.analysis.samples import task_samples
 from curiobench.analysis.tables import method_tables, summarise
 from curiobench.tasks.goals import goal_space
 
-METHODS = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
 EVIL = "<script>alert('x')</script>\"&"
 VOID = {"meta", "img"}
 
@@ -57,7 +56,7 @@ class Page(HTMLParser):
 def runs(tmp_path_factory) -> Path:
     """Folder of nine methods × two seeds on three blocks."""
     folder = tmp_path_factory.mktemp("nine")
-    write_runs(folder, tasks=("stack3",), methods=METHODS, seeds=2)
+    write_runs(folder, tasks=("stack3",), methods=NINE, seeds=2)
     return folder
 
 
@@ -122,17 +121,17 @@ def test_every_goal_shows_every_method(text, runs):
     final = read_results([runs], every_goal=False).evaluations
     wanted = final.astype({"goal": str, "method": str}).groupby(["goal", "method"])["success"].mean()
     for name, card in zip(space.names, page.texts["article"], strict=True):
-        for method in METHODS:
+        for method in NINE:
             assert f"{method}{wanted[name, method]:.2f}" in card, (name, method)
 
 
 def test_the_tables_are_those_of_the_table_command(text, runs):
     tables = method_tables(summarise(task_samples(read_results([runs]))))
     printed = [re.split(r"\s*\|\s*", line.replace("*", "").replace("\\", "")) for line in markdown(tables).splitlines()]
-    rows = [line[1:-1] for line in printed if len(line) > 2 and line[1].partition(" ")[0] in ("method", *METHODS)]
+    rows = [line[1:-1] for line in printed if len(line) > 2 and line[1].partition(" ")[0] in ("method", *NINE)]
     shown = re.findall(r"<tr>(.*?)</tr>", text.partition('id="figures"')[0], re.DOTALL)
     cells = [re.findall(r"<(?:th|td)[^>]*>(.*?)</(?:th|td)>", row, re.DOTALL) for row in shown]
-    assert len(rows) == 3 * (1 + len(METHODS))
+    assert len(rows) == 3 * (1 + len(NINE))
     assert [[html.unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row] for row in cells] == rows
 
 
@@ -194,14 +193,10 @@ def test_one_run_alone(make_runs, tmp_path, no_figures):
     assert "nan" not in page.texts["main"][0].lower()
 
 
-def test_partial_runs_are_taken_when_asked_and_marked(make_runs, tmp_path, no_figures):
+def test_partial_runs_are_marked(make_runs, tmp_path, no_figures):
     make_runs(methods=("sac",), seeds=2)
     make_runs(methods=("icm",), seeds=2, complete=False)
-    folder = tmp_path / "runs"
-    without = report.write_report([folder], tmp_path / "page.html")
-    assert len(without.runs) == 2
-    assert len(without.faults) == 2
-    report.write_report([folder], tmp_path / "page.html", partial=True)
+    report.write_report([tmp_path / "runs"], tmp_path / "page.html", partial=True)
     page = Page((tmp_path / "page.html").read_text())
     assert any("that are not finished: 2" in line for line in page.texts["li"])
     assert page.texts["dd"].count("not finished: 4 of 8 epochs") == 2
@@ -217,11 +212,6 @@ def test_options_that_differ_and_options_that_do_not(make_runs, tmp_path, no_fig
     shared = dict(zip(page.texts["dt"], page.texts["dd"], strict=True))
     assert shared["sac.gamma"] == "0.95"
     assert "sac.tau" not in shared
-
-
-def test_several_processes_make_the_same_page(runs, text, tmp_path):
-    report.write_report([runs], tmp_path / "page.html", processes=2)
-    assert (tmp_path / "page.html").read_text() == text
 
 
 def test_a_task_of_too_many_goals_has_no_cards(make_runs, tmp_path, no_figures):
@@ -242,17 +232,3 @@ def test_every_goal_has_a_picture(n_blocks):
         content = (folder / name).read_bytes()
         assert content[:4] + content[8:12] == b"RIFFWEBP"
         assert len(content) < 4_000
-
-
-def test_bad_input_takes_one_line(make_runs, tmp_path, cli):
-    (run,) = make_runs(methods=("sac",), seeds=1)
-    for arguments, message in (
-        ((), "name at least one run folder"),
-        ((tmp_path / "none",), "no run to report on; "),
-        ((run, "--out", tmp_path), "it is a folder"),
-        ((run, "--baseline", "rnd"), "rnd"),
-    ):
-        code, stdout, stderr = cli("report", *arguments)
-        assert (code, stdout) == (2, ""), arguments
-        assert re.fullmatch(r"curiobench: [^\n]+\n", stderr)
-        assert message in stderr

@@ -1,8 +1,5 @@
 """Submissions: good ones pass, and one that breaks a rule fails that line and no other."""
 
-import hashlib
-import json
-import re
 import shutil
 from functools import partial
 
@@ -17,6 +14,7 @@ from lawful import (
     edit_versions,
     lengthen,
     rewrite,
+    sign,
     write_lawful,
 )
 
@@ -70,13 +68,8 @@ def test_lawful_runs_pass_everything(runs, published):
 def test_options_younger_than_the_published_set_are_no_difference(runs, published):
     older = shutil.copytree(published, published.parent / "older")
     for path in (older / "configs").glob("*.json"):
-        record = json.loads(path.read_text())
-        del record["config"]["starts"], record["config"]["sac"]["network"]
-        path.write_text(json.dumps(record))
-    text = (older / "SHA256SUMS").read_text()
-    for path in (older / "configs").glob("*.json"):
-        text = re.sub(rf"\w+(  configs/{path.name}\n)", rf"{hashlib.sha256(path.read_bytes()).hexdigest()}\1", text)
-    (older / "SHA256SUMS").write_text(text)
+        edit_json(path, lambda record: (record["config"].pop("starts"), record["config"]["sac"].pop("network")))
+    sign(older)
     assert verdicts(runs, str(older)) == {}
 
 
@@ -106,11 +99,6 @@ def in_rows(change, file="evaluations.csv"):
     return lambda folder: edit_rows(first(folder) / file, change)
 
 
-def in_result(**values):
-    """Change result.json of the first run."""
-    return lambda folder: edit_json(first(folder) / "result.json", lambda result: result.update(values))
-
-
 def with_success(success, unsatisfied):
     """Change the success of one goal at one evaluation of the first run."""
 
@@ -124,7 +112,7 @@ def with_success(success, unsatisfied):
 
 def few_updates(folder):
     in_rows(lambda rows: rows.assign(updates=rows["epoch"] * 10), "progress.csv")(folder)
-    in_result(updates=10 * EPOCHS)(folder)
+    edit_json(first(folder) / "result.json", lambda result: result.update(updates=10 * EPOCHS))
 
 
 REPLAY = {"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True}  # an option is missing
@@ -135,9 +123,6 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
     ("mutate", "broken", "message"),
     [
         (lambda f: (first(f) / "result.json").unlink(), COMPLETE, "stack2-sac-0 is partial"),
-        (lambda f: (f / "notes").mkdir(), COMPLETE, "notes is no run folder"),
-        (lambda f: shutil.copytree(first(f), f / "again"), COMPLETE, "is a duplicate of"),
-        (in_result(goals_learned=3), COMPLETE, "result.json says goals_learned 3, evaluations.csv 4"),
         (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
         (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
         (
@@ -299,7 +284,3 @@ def test_command_without_a_run(tmp_path, check):
     assert first_line == "FAIL  every folder holds one whole run"
     assert fault.startswith(f"      {tmp_path / 'none'} is no run folder")
     assert {line.split()[0] for line in others[::2]} == {"skip"}
-    code, out, err = check(tmp_path, "--against", "v99")
-    assert (code, out) == (2, "")
-    assert "'v99'" in err
-    assert check()[0] == 2

@@ -81,10 +81,8 @@ def test_list_shows_all_that_can_be_trained(cli):
         (["trian"], "unknown command 'trian': did you mean 'train'? the commands are list, train"),
         (["train", "--task", "stack9", "--out", "/tmp/none"], "unknown task 'stack9'"),
         (["train", "--worlds", "-3", "--out", "/tmp/none"], "worlds is -3"),
-        (["train", "--preset", "smoke", "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
         (["evaluate", "/tmp/none"], "/tmp/none is no run folder: it does not exist"),
         (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none is no run folder"),
-        (["table", "/tmp/none"], "not in the table: /tmp/none"),
         (["table"], "name at least one run folder"),
         (["table", "x", "--format", "html"], "invalid choice 'html'"),
         (["table", "x", "--formt", "html"], "Unrecognized options: --formt, html; perhaps you meant --format"),
@@ -144,10 +142,6 @@ def test_evaluate_and_table_of_a_run(cli, finished):
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].split()[0] == "total"
     assert "a on b" in out
-    code, out, err = cli("table", finished, "/tmp/none")
-    assert code == 2
-    assert out.startswith("stack2: learned goals\n")
-    assert err == "curiobench: not in the table: /tmp/none is no run folder: it does not exist\n"
     code, out, err = cli("table", finished)
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].split()[:5] == ["finished", "stack2", "sac", "0", "3"]
@@ -184,11 +178,7 @@ def test_video(finished, tmp_path, suffix):
     assert out.stat().st_size > 5_000
 
 
-def test_a_path_too_long_and_a_closed_folder_take_one_line(cli, tmp_path, monkeypatch):
-    for command in ("table", "submit-check"):
-        code, _, err = cli(command, "a" * 300)
-        assert (code in (1, 2), err.count("\n"), "Traceback" in err) == (True, 1, False)
-
+def test_a_closed_folder_takes_one_line(cli, tmp_path, monkeypatch):
     def closed(self):
         raise PermissionError(13, "Permission denied", str(self))
 

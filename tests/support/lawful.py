@@ -1,5 +1,6 @@
-"""Run folders that keep every rule of a submission, of numbers that nobody trained for."""
+"""Run folders that keep every rule of a submission, of numbers that nobody trained for; and ways to alter runs."""
 
+import hashlib
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 from synthetic import write_runs
 
+from curiobench.analysis.folders import SUMS, read_sums
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE, satisfied_starts
 from curiobench.tasks.registration import TASK_VERSION
 
@@ -72,6 +74,12 @@ def edit_options(path: Path, part: str = "", **values: Any) -> None:
 def edit_rows(file: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
     """Rewrite a csv file of a run."""
     change(pd.read_csv(file, dtype={"bits": str})).to_csv(file, index=False)
+
+
+def sign(folder: Path) -> None:
+    """Write the digests of a published set's files as they are now."""
+    sums = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in read_sums(folder)]
+    (folder / SUMS).write_text("".join(sums))
 
 
 def rewrite(path: Path, episodes: int = 25, steps: int = STEPS, satisfied: dict[str, int] | None = None) -> None:

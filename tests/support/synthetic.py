@@ -20,11 +20,28 @@ Success = Callable[[str, str, int, int, int], float]
 STEPS_AN_EPOCH = 1_000
 EPISODES = 25
 SECONDS_AN_EPOCH = 36.0
+NINE = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "mi")
+LONG = "my_lab.curiosity:SomethingLong+hm"
+"""A method that cannot be imported, and whose name is long."""
 
 
 def rising(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
     """Success that rises with the epoch, earlier for the first goals and for longer names; differs between seeds."""
     return round(min(1.0, epoch / (4 + goal) + 0.02 * seed + 0.03 * len(method)) * EPISODES) / EPISODES
+
+
+def known(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
+    """From the second epoch on, sac has learned one goal; mihm all, but for the last goal with seed 1."""
+    if epoch < 2:
+        return 0.0
+    if method == "sac":
+        return float(goal == 0)
+    return 0.6 if (seed, goal) == (1, 3) else 1.0
+
+
+def uneven(task: str, method: str, seed: int, epoch: int, goal: int) -> float:
+    """Success of 1 from an epoch on that differs with goal and seed."""
+    return float(epoch >= goal + seed + (method == "sac"))
 
 
 def write_runs(
