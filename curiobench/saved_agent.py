@@ -64,7 +64,7 @@ def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     """What a run folder holds, whether the run is finished or not.
 
     Raises ValueError where the folder is not a run's, has no checkpoint yet, its checkpoint is damaged, or its method
-    comes from outside and is not `trusted`.
+    is not built in and not `trusted`.
     """
     config = read_config(path, trusted)
     tune_process(config.torch_threads)
