@@ -284,7 +284,7 @@ def test_goals_that_differ_within_a_task_are_an_error(make_runs):
     results = read_results(make_runs(seeds=2), every_goal=False)
     rows = results.evaluations
     lacking = rows[(rows["run"] != "stack2-mihm-1") | (rows["goal"] != "a on b")]
-    with pytest.raises(ValueError, match="stack2-mihm-1 have other goals"):
+    with pytest.raises(ValueError, match="stack2-mihm-1 were not all evaluated on the goals of stack2-"):
         task_samples(replace(results, evaluations=lacking))
 
 
@@ -361,7 +361,7 @@ def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
     ("options", "message"),
     [
         ((), "stack2-sac-0 is partial"),
-        (("--partial", "--format", "pdf,jpg"), "unknown format 'jpg'; legal are pdf, png, svg"),
+        (("--partial", "--format", "pdf,jpg"), "unknown format 'jpg'; it must be one of pdf, png, svg"),
         (("--partial", "--like", "theirs"), "like is 'theirs'; it can be 'paper'"),
         (("--partial", "--out", "/dev/null/x"), "cannot write to /dev/null/x"),
     ],

@@ -97,9 +97,9 @@ def test_missing_and_foreign_folders_of_a_grid_are_named(make_runs, tmp_path):
     results = read_results([tmp_path / "runs"])
     assert results.faults == (
         f"{missing} is missing: the grid's stack2 sac seed 0",
-        f"{tmp_path / 'runs' / 'notes'} is foreign: it is no run folder; left out",
+        f"{tmp_path / 'runs' / 'notes'} is foreign: it is not a run folder; left out",
         f"{tmp_path / 'runs' / 'stack2-icm-0'} is foreign: it is a run, but not one of the grid's; left out",
-        f"{other} is foreign: it is stack2 rnd seed 5, not the grid's stack2 rnd seed 0; left out",
+        f"{other} is foreign: it holds stack2 rnd seed 5, but grid.json expects stack2 rnd seed 0; left out",
     )
     assert results.absent == ()
     assert list(results.runs["method"]) == ["mihm"]
@@ -115,7 +115,7 @@ def grid_of(*cells):
         ("[]", "it does not hold a JSON object"),
         ("[" * 100_000, "cannot read"),
         ("nonsense", "cannot read"),
-        ("{}", "is not a grid's: its format is None"),
+        ("{}", "was not written by `curiobench grid`: format is None"),
         ('{"format": "curiobench grid"}', "has no list of cells"),
         (grid_of({"folder": 3}), "has a damaged cell"),
         *(
@@ -173,7 +173,7 @@ def test_duplicates_are_named_and_the_first_is_kept(make_runs, tmp_path):
     edit_json(second / "config.json", lambda record: record["config"]["machine"].update(threads=8))
     edit_json(second / "config.json", lambda record: record["config"]["hybrid"].update(popart_rate=0.5))  # sac has none
     results = read_results([tmp_path / "runs"])
-    assert one_fault(results) == f"{second} is a duplicate of {first}: the same config; left out"
+    assert f"{second} is a duplicate of {first}: all options that affect" in one_fault(results)
     assert list(results.runs["run"]) == ["stack2-sac-0"]
     # a complete run is no duplicate of one that is damaged, nor of one that is partial
     (first / "result.json").unlink()
@@ -231,7 +231,7 @@ def test_methods_from_outside_of_other_files_are_other_methods(make_runs, tmp_pa
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(format="other run"), "its format is 'other run'"),
+        (lambda r: r.update(format="other run"), "format is 'other run'"),
         (lambda r: r.update(config_version=99), "its config has version 99; this curiobench reads version 1 only"),
         (lambda r: r.update(config=[]), "it holds no config"),
         (lambda r: r["config"].update(task="stack9"), "unknown task 'stack9'"),
@@ -267,18 +267,18 @@ DAMAGE = {
     "success is infinite": (replaced("25,0.0", "25,inf"), "its success is not always a number from 0 to 1"),
     "success is above 1": (replaced("25,1.0", "25,1.5"), "its success is not always a number from 0 to 1"),
     "success is text": (replaced("25,0.0", "25,high"), "could not convert string to float: 'high'"),
-    "a row is missing": (lambda text: "".join(text.splitlines(True)[:-1]), "an evaluation has 3 rows; it takes 4"),
-    "a row is there twice": (lambda text: text + text.splitlines(True)[-1], "an evaluation has 5 rows; it takes 4"),
+    "a row is missing": (lambda text: "".join(text.splitlines(True)[:-1]), "an evaluation has 3 rows, expected 4"),
+    "a row is there twice": (lambda text: text + text.splitlines(True)[-1], "an evaluation has 5 rows, expected 4"),
     "a goal is there twice": (replaced(",100,1,", ",000,1,"), "its goals are not those of stack2"),
     "a later goal is another": (
         lambda text: text[:-60] + text[-60:].replace(",101,", ",110,"),
-        "differ in their goals",
+        "must have the same goals and layers",
     ),
     "layer is another": (replaced(",100,1,", ",100,2,"), "its goals are not those of stack2"),
-    "name is another": (lambda text: text[:-60] + text[-60:].replace("b on a", "a on b"), "do not have one name each"),
+    "name is another": (lambda text: text[:-60] + text[-60:].replace("b on a", "a on b"), "needs one unique name"),
     "epochs fall": (replaced("\n3,", "\n1,", 4), "its epochs and steps do not rise"),
-    "learned is wrong": (lambda text: text.rstrip()[:-1] + "1\n", "its learned is not 1 where success is above 0.8"),
-    "too many episodes unsatisfied": (replaced(",25,0.6,25", ",25,0.6,26"), "its numbers of episodes cannot be"),
+    "learned is wrong": (lambda text: text.rstrip()[:-1] + "1\n", "learned must be 1 where success > 0.8"),
+    "too many episodes unsatisfied": (replaced(",25,0.6,25", ",25,0.6,26"), "episodes_unsatisfied from 0 to episodes"),
     "NUL bytes": (replaced(",000,1,", ",\0\0,1,"), ""),
 }
 
@@ -327,7 +327,7 @@ def test_damaged_progress_is_named(make_runs, tmp_path, change, message):
         (lambda result: result.update(success=0.5), "result.json says success 0.5"),
         (lambda result: result.update(steps=1), "result.json says steps 1, evaluations.csv 4000"),
         (lambda result: result["learned_by_layer"]["2"].update(learned=2), "disagree in learned_by_layer"),
-        (lambda result: result.update(epochs=3), "it is of 3 epochs, the config of 4"),
+        (lambda result: result.update(epochs=3), "result.json records 3 epochs, config.json 4"),
         (lambda result: result.update(success="high"), "success is 'high'; it must be a number"),
         (lambda result: result.update(seconds=float("nan")), "seconds is nan; it must be a number"),
         (lambda result: result.pop("goals"), "goals is None; it must be a number"),
@@ -388,7 +388,7 @@ def test_huge_files_are_not_read(make_runs, tmp_path):
     results = read_results([tmp_path / "runs"])
     assert results.runs.empty
     assert "more than 1,073,741,824 bytes" in results.faults[0]
-    assert "no file of at most 16,777,216 bytes" in results.faults[1]
+    assert "not a regular file, or larger than 16 MiB" in results.faults[1]
 
 
 def test_paths_that_give_nothing_are_named(make_runs, tmp_path):
@@ -400,9 +400,9 @@ def test_paths_that_give_nothing_are_named(make_runs, tmp_path):
     assert results.evaluations.empty
     assert results.absent == results.faults
     assert results.absent == (
-        f"{tmp_path / 'none'} is no run folder: it does not exist",
-        f"{tmp_path / 'empty'} is no run folder: it has no config.json, nor has a folder in it",
-        f"{tmp_path / 'file'} is no run folder: it is no folder",
+        f"{tmp_path / 'none'} does not exist",
+        f"{tmp_path / 'empty'} has no config.json, and neither has any folder in it",
+        f"{tmp_path / 'file'} is a file, not a folder",
         f"{partial} is partial: it has no result.json; left out",
     )
 

@@ -102,7 +102,7 @@ def test_a_lengthened_run_replaces_the_shorter_one(make_runs, tmp_path, out, und
         publish([tmp_path / "before"], out)
     other = make_runs(methods=("sac",), seeds=1, epochs=7, suffix="-other")  # its first rows have other numbers
     Path(shutil.copytree(other[0], out.parents[1] / "other" / "stack2-sac-0"))
-    with pytest.raises(ValueError, match=r"needs a name of its own"):
+    with pytest.raises(ValueError, match=r"needs a unique name"):
         publish([tmp_path / "before", out.parents[1] / "other"], out.with_name("v3"))
 
 
@@ -112,7 +112,7 @@ def test_what_is_derived_is_there(make_runs, out, cli):
     assert code == 0
     first, *_, last, lacking = printed.splitlines()
     assert (first, last) == (f"{out / 'runs.csv'}: 6 rows", str(out / "report.html"))
-    assert lacking == "no agent of stack2 sac, stack2 mihm: no run has a checkpoint"
+    assert lacking == "no agent of stack2 sac, stack2 mihm: runs without a checkpoint"
     suffixes = {path.suffix for path in (out / "tables").iterdir()}
     assert suffixes == {".txt", ".md", ".tex", ".csv"}
     assert (out / "figures" / "stack2-learning-curves.pdf").stat().st_size > 1000
@@ -142,7 +142,7 @@ def test_refuses_duplicates_and_the_same_name_twice(make_runs, out, undrawn):
     with pytest.raises(ValueError, match="is a duplicate of"):
         publish([*runs, copy], out)
     edit_options(copy, seed=7)
-    with pytest.raises(ValueError, match="needs a name of its own"):
+    with pytest.raises(ValueError, match="needs a unique name"):
         publish([*runs, copy], out)
     with pytest.raises(ValueError, match="name at least one run folder"):
         publish([], out)
@@ -152,13 +152,13 @@ def test_refuses_code_that_is_no_commit_unless_allowed(make_runs, out, undrawn):
     runs = make_runs(seeds=1)
     edit_versions(runs[0], git_commit="c0ffee-dirty")
     edit_versions(runs[1], git_commit=None)
-    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee-dirty; .*mihm-0 is of an unknown"):
+    with pytest.raises(ValueError, match=r"sac-0 .* changes \(commit c0ffee-dirty\); .*mihm-0 .* an unknown"):
         publish(runs, out)
     edit_versions(runs[0], git_commit="c0ffee")
     lengthen(runs[0], git_commit="badcafe-dirty")
     edit_versions(runs[1], git_commit="c0ffee")
     lengthen(runs[1], git_commit=None)
-    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee badcafe-dirty; .*is of an unknown"):
+    with pytest.raises(ValueError, match=r"sac-0 .* changes \(commit c0ffee badcafe-dirty\); .*from an unknown"):
         publish(runs, out)
     assert not out.exists()
     publish(runs, out, allow_dirty=True)
@@ -176,10 +176,10 @@ def test_keeps_other_files_and_all_published_runs(make_runs, out, undrawn):
     assert len(load(out).runs) == 4
     assert (out / "README.md").read_text() + (out / "notes" / "a.txt").read_text() == "by handkept"
     before = files(out)
-    with pytest.raises(ValueError, match="stack2-mihm-1 would be lost; --replace"):
+    with pytest.raises(ValueError, match="stack2-mihm-1 would be lost; overwrite with --replace"):
         publish(runs[:3], out)
     edit_rows(runs[0] / "evaluations.csv", lambda rows: rows.assign(steps=rows["steps"] + (rows["epoch"] == 1)))
-    with pytest.raises(ValueError, match="its run stack2-sac-0 would get other numbers; --replace"):
+    with pytest.raises(ValueError, match="its run stack2-sac-0 would get other numbers; overwrite with --replace"):
         publish(runs, out)
     assert files(out) == before
     publish(runs[:3], out, replace=True)
@@ -190,14 +190,14 @@ def test_replaces_nothing_but_a_published_set(make_runs, out, undrawn, tmp_path)
     runs = make_runs(seeds=1)
     for place in (tmp_path / "runs", runs[0] / "config.json"):
         before = files(tmp_path)
-        with pytest.raises(ValueError, match="is no published set"):
+        with pytest.raises(ValueError, match="is not a published set"):
             publish(runs, place)
         assert files(tmp_path) == before
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("precious")
-    with pytest.raises(ValueError, match="other exists and is no published set"):
+    with pytest.raises(ValueError, match="other exists and is not a published set"):
         publish(runs, tmp_path / "other")
-    with pytest.raises(ValueError, match="/ is no place for a published set"):
+    with pytest.raises(ValueError, match="/ cannot itself become a set"):
         publish(runs, Path("/"))
     with pytest.raises(ValueError, match=r"^cannot write to /dev/null/v1: "):
         publish(runs, Path("/dev/null/v1"))
@@ -250,7 +250,7 @@ def test_published_sets_are_found_by_name(make_runs, out, undrawn, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     assert_equal(read_results([Path("v1")]), load(out))
     Path("v1").mkdir()  # a folder of that name comes first
-    assert "v1 is no run folder" in read_results([Path("v1")]).faults[0]
+    assert "v1 has no config.json" in read_results([Path("v1")]).faults[0]
 
 
 def test_an_installed_package_has_its_sets_inside(make_runs, tmp_path, undrawn, monkeypatch):
@@ -283,7 +283,7 @@ def test_an_altered_file_is_named(make_runs, out, undrawn, file):
     content = bytearray((out / file).read_bytes())
     content[len(content) // 2] ^= 1
     (out / file).write_bytes(content)
-    with pytest.raises(ValueError, match=f"{file} is not the file that was published"):
+    with pytest.raises(ValueError, match=f"{file} was changed after publishing"):
         load(out)
     if file.endswith(".gz"):
         for damaged in (content, b"plain text"):
@@ -309,11 +309,11 @@ def write_sums(folder):
         ("runs.csv", lambda f: f.assign(run="same"), "a run is in runs.csv twice"),
         ("runs.csv", lambda f: f.assign(config="{"), "Expecting property name"),
         ("runs.csv", lambda f: f.iloc[1:], "has rows, but is not in runs.csv"),
-        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of stack2-sac-0 is inf, which cannot be"),
-        ("runs.csv", lambda f: f.assign(updates=-1), "updates of stack2-sac-0 is -1.0, which cannot be"),
-        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is no name of a run"),
+        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of run stack2-sac-0 is inf; it must be at least 0"),
+        ("runs.csv", lambda f: f.assign(updates=-1), "updates of run stack2-sac-0 is -1.0; it must be at least 0"),
+        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is not the name of a run"),
         ("evaluations.csv.gz", lambda f: f[f["epoch"] < 4], "has 3 of 4 epochs and is said to be complete"),
-        ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows; it takes 35"),
+        ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows, expected 35"),
         ("evaluations.csv.gz", lambda f: f[f["task"] == "stack3"], "has no evaluation"),
         ("progress.csv.gz", lambda f: f.drop(columns="epoch"), "has no column epoch"),
     ],

@@ -311,7 +311,7 @@ def test_the_papers_numbers_beside_another_task_are_marked(results):
         *("paper, stack3: 1 layer", "paper, stack3: 2 layers", "paper, stack3: 3 layers", "paper, stack3: total"),
     ]
     assert "the paper's numbers are of stack3, another task than stack2" in made[-1].notes
-    with pytest.raises(ValueError, match="none of the runs is of a method in the paper's tables, which are sac, icm"):
+    with pytest.raises(ValueError, match="no run has a method of the paper's tables, which are sac, icm"):
         paper_tables([])
 
 
@@ -351,7 +351,7 @@ def test_command_warns_of_cells_and_fails_only_for_what_was_named(cli, make_runs
     code, out, err = cli("table", runs / "stack2-sac-0", partial, tmp_path / "none")
     assert code == 2
     assert "sac" in out
-    message = f"{tmp_path / 'none'} is no run folder: it does not exist; {partial} is partial: it has no result.json"
+    message = f"{tmp_path / 'none'} does not exist; {partial} is partial: it has no result.json"
     assert err == f"curiobench: not in the table: {message}; left out\n"
 
 
@@ -376,7 +376,7 @@ def test_command_shows_a_single_run_as_it_is(cli, make_runs, tmp_path):
         (["--each-run", "--like", "paper"], "--like paper and --each-run are different tables"),
         (["--out", ""], "--out is empty"),
         (["--out="], "--out is empty"),
-        (["--baseline", "icm"], "no run is of the baseline 'icm'; there are sac, mihm"),
+        (["--baseline", "icm"], "no run has the baseline 'icm'; the methods are sac, mihm"),
         (["--format", "html"], "invalid choice"),
         (["--out", "/dev/null/x"], "cannot write to /dev/null/x"),
     ],

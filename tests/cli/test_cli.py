@@ -82,8 +82,8 @@ def test_list_shows_all_that_can_be_trained(cli):
         (["train", "--task", "stack9", "--out", "/tmp/none"], "unknown task 'stack9'"),
         (["train", "--worlds", "-3", "--out", "/tmp/none"], "worlds is -3"),
         (["train", "--preset", "smoke", "--out", "/dev/null/x"], "cannot write to /dev/null/x"),
-        (["evaluate", "/tmp/none"], "/tmp/none is no run folder: it does not exist"),
-        (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none is no run folder"),
+        (["evaluate", "/tmp/none"], "/tmp/none does not exist"),
+        (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none does not exist"),
         (["table", "/tmp/none"], "not in the table: /tmp/none"),
         (["table"], "name at least one run folder"),
         (["table", "x", "--format", "html"], "invalid choice 'html'"),
@@ -147,7 +147,7 @@ def test_evaluate_and_table_of_a_run(cli, finished):
     code, out, err = cli("table", finished, "/tmp/none")
     assert code == 2
     assert out.startswith("stack2: learned goals\n")
-    assert err == "curiobench: not in the table: /tmp/none is no run folder: it does not exist\n"
+    assert err == "curiobench: not in the table: /tmp/none does not exist\n"
     code, out, err = cli("table", finished)
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].split()[:5] == ["finished", "stack2", "sac", "0", "3"]
@@ -160,7 +160,7 @@ def test_train_from_the_command_line(cli, finished, tmp_path):
     assert numbers(tmp_path / "run") == numbers(finished)
     code, out, err = cli("train", "--out", tmp_path / "run", "--resume")
     assert (code, out) == (2, "")
-    assert re.fullmatch(r"curiobench: .*already finished[^\n]*\n", err)
+    assert re.fullmatch(r"curiobench: .*is finished[^\n]*\n", err)
 
 
 @pytest.mark.slow
