@@ -132,7 +132,8 @@ class RunConfig:
     device: str = "cpu"
     """Device of the networks: cpu, cuda or cuda:N. Results on different devices differ by rounding."""
     torch_threads: int = 1
-    """Threads of one torch operation; more than one seldom pays for networks this small, and may change last bits."""
+    """Threads of one torch operation; more than one is seldom faster for networks this small, and may change results by
+    rounding."""
 
     replay: ReplayConfig = field(default_factory=ReplayConfig)
     """Replay of episodes with hindsight relabelling."""
