@@ -78,7 +78,7 @@ class Run:
     path: Path
     """The folder."""
     method: str | None = None
-    """The run's method where it is one from outside; naming it allows importing it."""
+    """The run's method if it is not built in; naming it allows importing it."""
 
     @property
     def config(self) -> RunConfig:
@@ -143,12 +143,12 @@ def train(
 
 
 def load_run(path: str | Path, method: str | None = None) -> Run:
-    """A run folder. `method` names a method from outside, which allows importing it.
+    """A run folder. If the run's method is not built in, `method` must name it, which allows importing it.
 
-    Raises ValueError where the folder is no run's, or its method is from outside and not named.
+    Raises ValueError if the folder is not a run folder, or its method is not built in and not named.
     """
     run = Run(Path(path), method)
-    run.config  # noqa: B018 - refuses what is no run
+    run.config  # noqa: B018 - raises if it is not a run
     return run
 
 

@@ -121,8 +121,8 @@ class RunConfig:
     them near the start (near). A method such as decstr has its own."""
 
     schedule_epochs: int = PAPER_EPOCHS
-    """Number of epochs that count as the paper's 500 in schedules of methods, such as MI's lambda; schedules of longer
-    runs go on beyond it."""
+    """Method schedules (MI's lambda, RE3's decay) are defined over 500 epochs; this many of your epochs count as those
+    500."""
 
     evaluate_every: int = 5
     """Epochs between evaluations. There is always one before training and one after the last epoch."""
@@ -130,9 +130,10 @@ class RunConfig:
     """Test episodes of every goal in an evaluation."""
 
     device: str = "cpu"
-    """Where the networks live: cpu, cuda or cuda:N. Runs on different devices differ in their last bits."""
+    """Device of the networks: cpu, cuda or cuda:N. Results on different devices differ by rounding."""
     torch_threads: int = 1
-    """Threads of one torch operation; more than one seldom pays for networks this small, and may change last bits."""
+    """Threads of one torch operation; more than one is seldom faster for networks this small, and may change results by
+    rounding."""
 
     replay: ReplayConfig = field(default_factory=ReplayConfig)
     """Replay of episodes with hindsight relabelling."""
@@ -162,7 +163,7 @@ class RunConfig:
         if self.worlds > self.replay.capacity:
             raise ValueError(f"worlds is {self.worlds}, but replay.capacity is {self.replay.capacity} episodes")
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", self.device):
-            raise ValueError(f"device is {self.device!r}; legal are cpu, cuda and cuda:N")
+            raise ValueError(f"device is {self.device!r}; it must be cpu, cuda or cuda:N")
 
     def _check_method(self) -> None:
         """Make the spec canonical, and check that the settings are the method's."""
@@ -241,11 +242,11 @@ def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:
-    """Fields that decide numbers and differ, as "epochs is 50, not 60"; empty where the runs would be the same.
+    """Fields that affect numbers and differ, as "epochs is 50 there, 60 was requested"; empty if there are none.
 
     Settings of two different methods have nothing in common and are not compared.
     """
-    found = [f"method is {old.method!r}, not {new.method!r}"] if old.method != new.method else []
+    found = [f"method is {old.method!r} there, {new.method!r} was requested"] if old.method != new.method else []
     if type(old.method_config) is not type(new.method_config):
         old, new = (replace(config, method="sac", method_config=None) for config in (old, new))
     else:

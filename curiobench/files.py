@@ -86,15 +86,15 @@ def write_json(path: Path, values: Any) -> None:
 
 
 def utf8(text: str) -> bytes:
-    r"""Text as UTF-8. A byte of a path that is none, such as 0xff, becomes `\udcff`, which JSON reads back."""
+    r"""Text as UTF-8. A byte of a path that is not UTF-8, such as 0xff, becomes `\udcff`, which JSON reads back."""
     return text.encode(errors="backslashreplace")
 
 
 def read_json(path: Path, most: float = MAX_JSON_BYTES) -> dict[str, Any]:
-    """An object from a JSON file of at most so many bytes; raises ValueError, which names it, on anything else."""
+    """Read a JSON object from a file of at most `most` bytes; otherwise raise ValueError naming the file."""
     try:
         if path.exists() and not (path.is_file() and path.stat().st_size <= most):
-            raise ValueError(f"it is no file of at most {most:,} bytes")
+            raise ValueError(f"not a regular file, or larger than {most / 2**20:g} MiB")
         values = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"cannot read {path}: {error}") from None

@@ -30,9 +30,9 @@ def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """Options that differ, as "sac.gamma is 0.95, not 0.5"; both have the same names."""
+    """Options that differ, as "sac.gamma is 0.95 there, 0.5 was requested"; both have the same names."""
     pairs = zip(flatten(old).items(), flatten(new).values(), strict=True)
-    return [f"{name} is {value!r}, not {other!r}" for (name, value), other in pairs if value != other]
+    return [f"{name} is {value!r} there, {other!r} was requested" for (name, value), other in pairs if value != other]
 
 
 def added_later(name: str) -> bool:

@@ -19,17 +19,17 @@ _SATISFIED_STARTS = MappingProxyType(
         ("stack4", 25): {"000000": 15, "100000": 2, "010000": 3, "000010": 1, "000001": 2, "100010": 1, "010100": 1},
     }
 )
-"""Test episodes whose goal holds at their start, by task and episodes a goal, then by the goal's bits for `close`.
+"""Test episodes whose goal holds at their start, by task and episodes per goal, then by the goal's bits for `close`.
 
-All other goals have none. The counts follow from the starts that `EVALUATION_SEED` gives, whichever the robot. With 25
-episodes they are those of one seed in ten on stack2, and of none of 60 others on stack3.
+All other goals have none. The counts follow from the starts that `EVALUATION_SEED` gives, for every robot. With 25
+episodes, one random seed in ten has the same counts on stack2, none of 60 on stack3.
 """
 
 
 def satisfied_starts(task: str, episodes: int) -> dict[str, int] | None:
-    """Of how many test episodes the goal holds at the start, by the goal's bits; 0 for goals that are not named.
+    """How many test episodes start with their goal already satisfied, by goal bits; 0 for goals that are not named.
 
-    None where the protocol's counts are not on record: five blocks, or another number of episodes than the presets'.
+    None if the protocol's counts are not on record: five blocks, or another number of episodes than in the presets.
     """
     counts = _SATISFIED_STARTS.get((task, episodes))
     return counts and {close + "0" * 2 * len(close): count for close, count in counts.items()}

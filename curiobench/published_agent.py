@@ -52,14 +52,14 @@ def load_published(folder: Path, trusted: Container[str] = ()) -> tuple[RunConfi
 def _content(path: Path) -> bytes:
     try:
         if not (path.is_file() and path.stat().st_size <= MAX_BYTES):
-            raise ValueError(f"it is no file of at most {MAX_BYTES:,} bytes")
+            raise ValueError(f"not a regular file, or larger than {MAX_BYTES / 2**20:g} MiB")
         return path.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror) from None
 
 
 def _agent(config: RunConfig, content: bytes) -> LearningAgent:
-    """Raises SafetensorError, KeyError, ValueError or RuntimeError if the content is damaged or of another agent."""
+    """Raises SafetensorError, KeyError, ValueError or RuntimeError if the content is damaged or another agent's."""
     tensors = load(content)
     if odd := [name for name, tensor in tensors.items() if not tensor.isfinite().all()]:
         raise ValueError(f"{odd[0]} is not finite")

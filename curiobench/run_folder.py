@@ -37,11 +37,11 @@ class RunFolder(AbstractContextManager):
         Args:
             path: of the folder; created if it does not exist.
             config: of the run.
-            resume: continue a run that is there already, of the same config or one of fewer epochs; where there is
-                none, start one.
+            resume: continue the run in the folder, which has the same config or fewer epochs; start one if the folder
+                has none.
             command: the command line, for the record.
 
-        Raises ValueError where the folder cannot be written, is in use, finished, or holds something else.
+        Raises ValueError if the folder cannot be written, is in use, is finished, or holds something else.
         """
         self.path, self.config = path, config
         self._longer: dict[str, Any] | None = None
@@ -88,7 +88,10 @@ class RunFolder(AbstractContextManager):
         if (self.path / "config.json").exists():
             self._continue(resume, command)
         elif foreign := sorted({path.name for path in self.path.iterdir()} - _BEFORE_CONFIG):
-            raise ValueError(f"{self.path} is no run folder: it holds {foreign[0]!r} but no config.json")
+            raise ValueError(
+                f"{self.path} is not empty and is not a run folder (it holds {foreign[0]!r}, but no config.json); "
+                "choose a new or empty folder"
+            )
         else:
             self._write_config(command)
             self._begun = True
@@ -97,15 +100,19 @@ class RunFolder(AbstractContextManager):
         """Check that the run in the folder may continue. `lengthen` writes the record of one with more epochs."""
         finished = (self.path / "result.json").exists()
         if not resume and not finished:
-            raise ValueError(f"{self.path} exists; use --resume to continue it")
+            raise ValueError(
+                f"{self.path} holds an unfinished run; add --resume to continue it, or choose another --out"
+            )
         begun = read_config(self.path, {self.config.method})
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
+            lengthen = ", or --resume with a larger --epochs to lengthen it" if self.replay.is_dir() else ""
             raise ValueError(
-                f"{self.path} is already finished; `curiobench table {pasted(self.path)}` shows its result"
+                f"the run in {self.path} is finished (`curiobench table {pasted(self.path)}` shows its result); choose "
+                f"another --out{lengthen}"
             )
         if found := obstacles(begun, self.config):
-            raise ValueError(f"{self.path} has another config: {'; '.join(found)}")
+            raise ValueError(f"the run in {self.path} has other options: {'; '.join(found)}")
         if longer:
             self._longer = self._longer_record(begun, finished, command)
 
@@ -207,7 +214,7 @@ def _lock(path: Path) -> io.TextIOWrapper:
             file.seek(0)
             holder = file.read().strip() or "unknown"
             file.close()
-            raise ValueError(f"{path.parent} is already running, in process {holder}") from None
+            raise ValueError(f"the run in {path.parent} is already running, in process {holder}") from None
     file.truncate(0)
     file.write(f"{os.getpid()}\n")
     file.flush()
@@ -227,13 +234,14 @@ def is_locked(path: Path) -> bool:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """What config.json of a run folder holds; raises ValueError where there is none or it is not a run's."""
+    """The content of a run folder's config.json. Raises ValueError if there is no such file or it is not a run's."""
     if not (path / "config.json").exists():
-        why = "it has no config.json" if path.is_dir() else "it is no folder" if path.exists() else "it does not exist"
-        raise ValueError(f"{path} is no run folder: {why}")
+        other = "is a file, not a folder" if path.exists() else "does not exist"
+        raise ValueError(f"{path} {'is not a run folder: it has no config.json' if path.is_dir() else other}")
     record = read_json(path / "config.json")
     if record.get("format") != RUN_FORMAT:
-        raise ValueError(f"{path / 'config.json'} is not a run's: its format is {record.get('format')!r}")
+        found = f"format is {record.get('format')!r:.80}, expected {RUN_FORMAT!r}"
+        raise ValueError(f"{path / 'config.json'} was not written by `curiobench train`: {found}")
     return record
 
 
@@ -248,15 +256,16 @@ def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
 
     Args:
         path: of the folder.
-        trusted: methods from outside, as `package.module:Class`, that may be imported. A config from
-            elsewhere must not decide which code runs here.
+        trusted: methods that are not built in, as `package.module:Class`, and may be imported. A config from elsewhere
+            must not decide which code runs here.
 
-    Raises ValueError as `read_record`, where this version cannot read the config, and where its method is not trusted.
+    Raises ValueError as `read_record`, if this version cannot read the config, or if its method is not trusted.
     """
     record = read_record(path)
     method = method_of(record)
     if ":" in method and method not in trusted:
-        raise ValueError(f"{path}: its method {method} is no part of curiobench; --method {method} allows importing it")
+        advice = f"add --method {method} to allow importing its code"
+        raise ValueError(f"{path}: the method {method} is not built in; {advice}")
     return config_of(path, record)
 
 

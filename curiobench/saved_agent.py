@@ -63,8 +63,8 @@ def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, Lea
 def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:
     """What a run folder holds, whether the run is finished or not.
 
-    Raises ValueError where the folder is not a run's, has no checkpoint yet, its checkpoint is damaged, or its method
-    comes from outside and is not `trusted`.
+    Raises ValueError if the folder is not a run folder, has no checkpoint yet, its checkpoint is damaged, or its method
+    is not built in and not `trusted`.
     """
     config = read_config(path, trusted)
     tune_process(config.torch_threads)

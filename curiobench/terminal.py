@@ -28,7 +28,7 @@ def settle(stream: TextIO) -> None:
 
 
 def width() -> int | None:
-    """Columns of the terminal, or what the variable COLUMNS says; None where output is no terminal's."""
+    """Columns of the terminal, or what the variable COLUMNS says; None if the output is not a terminal."""
     return shutil.get_terminal_size((0, 0)).columns or None
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Tracker(Protocol):
-    """Logs a run; made from its config, its folder, and the first epoch that is to come. May raise anything."""
+    """Logs a run; made from its config, its folder, and the first epoch to log. May raise anything."""
 
     def log(self, values: Mapping[str, float], epoch: int) -> None:
         """Log the numbers of an epoch."""

@@ -32,7 +32,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         command: the command line, which is recorded.
 
     Raises:
-        ValueError: before training: the folder is in use, finished, not writable or of another config, its checkpoint
+        ValueError: before training: the folder is in use, finished, not writable or has other options, its checkpoint
             is damaged, or this machine lacks the memory, the device or an extra.
         RunFailed: NaN, a full disk, an error in a method. `error.log` in the folder has the traceback.
         Interrupted: on Ctrl-C or SIGTERM.

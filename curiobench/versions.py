@@ -25,7 +25,7 @@ def versions(method: str) -> dict[str, str | int | None]:
     """Versions of Python, of the packages that decide the numbers and of the tasks, the seed of the test episodes, the
     variables of `ENVIRONMENT_VARIABLES` that are set, and the git commit of this package if it has any.
 
-    Where the method spec `method` is of a method from outside, also that method's file and its digest.
+    If the method `method` is not built in, also its file and the file's digest.
     """
     from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
 

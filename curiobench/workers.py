@@ -41,7 +41,7 @@ def quota(root: Path = Path("/sys/fs/cgroup"), membership: Path = Path("/proc/se
     limits = []
     for group in (root / own, *(root / own).parents):
         with suppress(OSError, ValueError):
-            most, period = map(int, (group / "cpu.max").read_bytes().split())  # "max 100000" is no number
+            most, period = map(int, (group / "cpu.max").read_bytes().split())  # "max 100000" is not a number
             limits.append(max(1, math.ceil(most / period)))
         if group == root:
             break

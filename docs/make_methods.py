@@ -40,7 +40,7 @@ def mean_by_tau(sweep: Sweep) -> dict[float, float]:
 
 
 def tau_table(sweep: Sweep) -> str:
-    """A row a method: final mean success for each tau, seed by seed; then the mean over methods and seeds."""
+    """One row per method: final mean success for each tau, seed by seed; then the mean over methods and seeds."""
     means = mean_by_tau(sweep)
     rows = [[m, *(", ".join(f"{v:.2f}" for v in by_tau[tau]) for tau in means)] for m, by_tau in sweep.items()]
     return markdown(["τ", *map(str, means)], [*rows, ["mean of all", *(f"{value:.2f}" for value in means.values())]])
@@ -60,7 +60,7 @@ def tau_differences(sweep: Sweep) -> str:
 
 @matplotlib_settings()
 def draw_tau(sweep: Sweep, path: Path) -> None:
-    """A line a method: mean over seeds of final success by tau; a dot a run; the mean over methods in black."""
+    """One line per method: mean over seeds of final success by tau; one dot per run; the mean over methods in black."""
     figure = new_figure(6, 3.5, dpi=150)
     axes = figure.subplots()
     means = mean_by_tau(sweep)
@@ -86,7 +86,7 @@ def last_epochs(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def before_and_after(results: Results) -> str:
-    """A row a method and seed: success and spread of the bonus at the end, before and after the methods were mended."""
+    """One row per method and seed: success and spread of the bonus at the end, before and after the changes."""
     layers, progress = (last_epochs(frame).set_index("run") for frame in (results.layers, results.progress))
     after = layers[layers["layer"] == 0]["success"]
     rows = []
@@ -100,7 +100,7 @@ def before_and_after(results: Results) -> str:
 
 
 def final_table(results: Results, methods: tuple[str, ...]) -> str:
-    """A row a run of stack2: mean success after each epoch, success by layer and goals learned at the end."""
+    """One row per run of stack2: mean success after each epoch, success by layer and goals learned at the end."""
     layers = results.layers[(results.layers["task"] == "stack2") & results.layers["method"].isin(methods)]
     rows = []
     for run, of_run in layers[layers["epoch"] > 0].groupby("run", observed=True):
@@ -113,7 +113,7 @@ def final_table(results: Results, methods: tuple[str, ...]) -> str:
 
 
 def learned_table(results: Results, task: str) -> str:
-    """A row a method and variant: seeds, and means over them of learned goals, by layer and in all, and of success."""
+    """One row per method and variant: seeds, means of learned goals by layer and in all, and mean success."""
     layers = last_epochs(results.layers[results.layers["task"] == task])
     goals = layers.groupby("layer")["goals"].first()
     head = ["method", "seeds", *(f"{layer} layer{'s'[: layer > 1]}" for layer in goals.index.drop(0))]

@@ -30,7 +30,7 @@ def mean(rows: Rows) -> float:
 
 
 def evaluation(run: Path, epoch: int) -> list[dict[str, str]]:
-    """A run's rows, one a goal, after some epoch."""
+    """A run's rows, one per goal, after some epoch."""
     return [row for row in read_rows(run / "evaluations.csv") if int(row["epoch"]) == epoch]
 
 
@@ -51,7 +51,7 @@ def curve_table(runs: Iterable[Path], every: int = 1) -> str:
 
 
 def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
-    """A row a variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
+    """One row per variant of the agent: success by layer of each seed, and the mean over goals and seeds."""
     runs = {"the whole agent": list(whole)}
     for part in parts:
         runs.setdefault(part.name.removeprefix("stack2-sac-").rpartition("-")[0], []).append(part)

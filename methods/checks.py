@@ -22,7 +22,7 @@ def check_share(config: Any, *names: str) -> None:
 
 
 def check_option(config: Any, name: str, options: Any) -> None:
-    """Raise ValueError, with the value and the legal ones, unless a field of a config is an option of the Literal."""
+    """Raise ValueError, with the value and the options, unless a field of a config is an option of the Literal."""
     if getattr(config, name) not in get_args(options):
         legal = ", ".join(map(repr, get_args(options)))
-        raise ValueError(f"{name} is {getattr(config, name)!r}; legal are {legal}")
+        raise ValueError(f"{name} is {getattr(config, name)!r}; it must be one of {legal}")

@@ -1,4 +1,4 @@
-"""Methods from outside this package, by `package.module:Class` or by the entry point of an installed package.
+"""Methods that are not built in, by `package.module:Class` or by the entry point of an installed package.
 
 A package registers its classes in the entry-point group `curiobench.methods`, in its pyproject.toml:
 
@@ -153,7 +153,7 @@ def file_of(method: type[Method]) -> str:
 
 
 def trace(method: type[Method]) -> dict[str, str]:
-    """Source of a method from outside this package, for the record of a run: `method_file` and `method_sha256`.
+    """Source of a method that is not built in, for the record of a run: `method_file` and `method_sha256`.
 
     The digest covers the file of the class, but not the files that it imports.
     """

@@ -2,7 +2,7 @@
 
 A method is a class of one of three kinds: an intrinsic reward, a curriculum or a relabelling.
 
-Methods from outside need no registration here; see plugins.py.
+Methods that are not built in need no registration here; see plugins.py.
 """
 
 import difflib
@@ -21,7 +21,7 @@ from curiobench.methods.curriculum import Curriculum, GoalMethod
 from curiobench.methods.plugins import Method, building, load_class, load_installed, trace
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
-from curiobench.methods.specs import BUILT_IN, available_specs, canonical, installed_methods, split
+from curiobench.methods.specs import BUILT_IN, HYBRID, available_specs, canonical, installed_methods, split
 
 
 def _built_in(place: str) -> type[Method]:
@@ -74,7 +74,7 @@ class MethodSpec:
 def parse_spec(text: str) -> MethodSpec:
     """Read a method spec: one of `available_specs`, `package.module:Class`, or `package.module:Class+hm`.
 
-    Raises ValueError. It names the nearest legal spec or, for a method from outside, its file and what is wrong.
+    Raises ValueError with the nearest legal spec or, for a method that is not built in, its file and what is wrong.
     """
     spec = canonical(text)
     name, hybrid = split(spec)
@@ -90,7 +90,9 @@ def parse_spec(text: str) -> MethodSpec:
     else:
         found = None
     if hybrid and (name == "sac" or (found is not None and found.reward is None)):
-        raise ValueError(f"method {text!r}: the hybrid mechanism needs a curiosity method; available: {legal}")
+        why = f"{HYBRID} needs a method with an intrinsic reward, and {name} has none"
+        hybrids = ", ".join(known for known in available_specs() if known.endswith(HYBRID))
+        raise ValueError(f"method {text!r}: {why}; use one of {hybrids}")
     if found is not None:
         return found
     near = difflib.get_close_matches(spec, available_specs(), n=1, cutoff=0.0)

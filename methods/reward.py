@@ -98,9 +98,9 @@ class Transitions:
     next_achieved_goal: Tensor | None = None
     """(B, bits) predicates that hold after the step, 0 or 1."""
     raw_state: Tensor | None = None
-    """(B, D) all of the observation before the step, in the task's units."""
+    """(B, D) all of the observation before the step, not normalised: metres, radians, and these per control step."""
     raw_next_state: Tensor | None = None
-    """(B, D) all of the observation after the step, in the task's units."""
+    """(B, D) all of the observation after the step, not normalised."""
     step: Tensor | None = None
     """(B,) of the episode, from 0, before the action."""
     episode: Tensor | None = None

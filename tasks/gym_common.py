@@ -64,7 +64,7 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
         raise ValueError(f"{n} worlds need one goal or {n}, got {len(goals)}")
     biased = np.asarray(options.get("biased", False))
     if biased.shape not in ((), (n,)) or not np.isin(biased, (False, True)).all():
-        raise ValueError(f"biased is a bool or {n} of them, got {options['biased']!r}")
+        raise ValueError(f"biased must be one bool or a list of {n} bools, got {options['biased']!r}")
     bits = np.array([space.goals[0] if goal is None else space.parse(goal) for goal in goals])
     return {
         "next_goal": np.broadcast_to(bits, (n, space.n_bits)).copy(),
@@ -144,7 +144,7 @@ class GoalWorlds:
         """Restores what `get_state` returned, in this or an equal environment, and returns the observation.
 
         Raises:
-          ValueError: the state is of another kind of environment or not valid. The environment is then unchanged.
+          ValueError: another kind of environment made the state, or it is not valid. The environment is then unchanged.
         """
         shapes = {name: array.shape for name, array in self.get_state().items()}
         given = {name: np.shape(state[name]) for name in state}

@@ -101,7 +101,7 @@ class SemanticStackVectorEnv(GoalWorlds, VectorEnv):
         """`mask` as `(N,)` bool; True selects all worlds."""
         which = np.full(self.num_envs, True) if mask is True else np.asarray(mask)
         if which.shape != (self.num_envs,) or which.dtype != bool or not which.any():
-            raise ValueError(f"reset_mask is {self.num_envs} bools, at least one of them True, got {mask!r}")
+            raise ValueError(f"reset_mask must be {self.num_envs} bools, at least one of them True, got {mask!r}")
         return which
 
     def step(

@@ -79,13 +79,15 @@ def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -
         return _in_set(run, config_file)
     folder = config_file.parent
     if not (folder / CHECKPOINT).is_dir():
-        raise ValueError("no run has a checkpoint")
+        raise ValueError("runs without a checkpoint")
     from curiobench.published_agent import packed  # torch takes seconds to import
     from curiobench.saved_agent import load_saved
 
     saved = load_saved(folder, trusted)
     if saved.epoch != run["epoch"]:
-        raise ValueError(f"the checkpoint of {folder} is of epoch {saved.epoch}, not {run['epoch']}")
+        raise ValueError(
+            f"the checkpoint of {folder} is from epoch {saved.epoch}, the last evaluation from {run['epoch']}"
+        )
     return read_content(config_file), packed(saved.agent)
 
 
@@ -94,6 +96,6 @@ def _in_set(run: dict[str, Any], config_file: Path) -> tuple[bytes, bytes]:
     home, name = config_file.parents[1], agent_name(run["task"], run["method"])
     of_run = name in agents_of(home) and read_content(home / AGENTS / name / "config.json") == read_content(config_file)
     if not of_run:
-        raise ValueError("no run has a checkpoint")
+        raise ValueError("runs without a checkpoint")
     check_sums(home, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
     return read_content(config_file), read_content(home / AGENTS / name / WEIGHTS)

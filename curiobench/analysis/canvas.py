@@ -60,7 +60,7 @@ def save_figure(figure: "Figure", path: Path, formats: Sequence[str]) -> list[Pa
 
 @matplotlib_settings()
 def draw_learning_curve(rows: Sequence[Mapping[str, str]], path: Path) -> Path:
-    """Draw mean success over training from the rows of evaluations.csv, a line a layer, as a PNG; returns its path."""
+    """Draw mean success over training from evaluations.csv, one line per layer, as a PNG; returns its path."""
     curves: dict[int, dict[int, list[float]]] = {}
     for row in rows:
         curve = curves.setdefault(int(row["layer"]), {})

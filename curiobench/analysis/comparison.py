@@ -83,7 +83,7 @@ def _dots(axes: "Axes", samples: Sequence[Sample], score: Metric) -> None:
 
 
 def draw_heat_map(task: TaskSamples, samples: Sequence[Sample]) -> list["Figure"]:
-    """Success in per cent at the last evaluation, mean over seeds: a column a method, a row a goal, layers apart."""
+    """Success in per cent at the last evaluation, mean over seeds: a column for each method, a row for each goal."""
     return [_mapped(task, samples[i : i + COLUMNS]) for i in range(0, len(samples), COLUMNS)]
 
 

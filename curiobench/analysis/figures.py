@@ -168,7 +168,7 @@ def draw_figures(
     if like not in (None, "paper"):
         raise ValueError(f"like is {like!r}; it can be 'paper'")
     if unknown := sorted(set(formats) - set(FORMATS)):
-        raise ValueError(f"unknown format {unknown[0]!r}; legal are {', '.join(FORMATS)}")
+        raise ValueError(f"unknown format {unknown[0]!r}; it must be one of {', '.join(FORMATS)}")
     chosen: list[_Chosen] = []
     for task in task_samples(results):
         for name, kind in (PAPER if like else FIGURES).items():

@@ -45,7 +45,7 @@ def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
     Raises ValueError if the path is not a folder, holds no run, or has a damaged grid.json.
     """
     if not path.is_dir():
-        raise ValueError(f"{path} is no run folder: {'it is no folder' if isfile(path) else 'it does not exist'}")
+        raise ValueError(_why_no_folder(path))
     if isfile(path / "config.json"):
         return {path: None}, []
     inside = sorted(child for child in path.iterdir() if child.is_dir() and not child.name.startswith("."))
@@ -57,14 +57,22 @@ def find_runs(path: Path) -> tuple[dict[Path, GridRun | None], list[str]]:
         faults = [f"{folder} is missing: the grid's {run}" for folder, run in expected.items() if folder not in found]
         ours = {path / folder.relative_to(path).parts[0] for folder in expected}
         for child in (child for child in inside if child not in ours):
-            kind = "a run, but not one of the grid's" if child in runs else "no run folder"
+            kind = "a run, but not one of the grid's" if child in runs else "not a run folder"
             faults.append(f"{child} is foreign: it is {kind}; left out")
         return found, faults
     if not runs:
-        raise ValueError(f"{path} is no run folder: it has no config.json, nor has a folder in it")
+        raise ValueError(f"{path} has no config.json, and neither has any folder in it")
     return dict.fromkeys(runs), [
-        f"{child} is no run folder: it has no config.json" for child in inside if child not in runs
+        f"{child} is not a run folder: it has no config.json" for child in inside if child not in runs
     ]
+
+
+def _why_no_folder(path: Path) -> str:
+    """Why a path, which is not a folder, leads to no run."""
+    if isfile(path):
+        return f"{path} is a file, not a folder"
+    sets = f", neither as a path nor as a published set ({', '.join(available()) or 'there are none'})"
+    return f"{path} does not exist{sets if _VERSION.fullmatch(str(path)) else ''}"
 
 
 def read_grid(path: Path) -> dict[str, Any]:
@@ -72,7 +80,8 @@ def read_grid(path: Path) -> dict[str, Any]:
     file = path / GRID_FILE
     grid = read_json(file)
     if grid.get("format") != GRID_FORMAT:
-        raise ValueError(f"{file} is not a grid's: its format is {grid.get('format')!r:.80}")
+        found = f"format is {grid.get('format')!r:.80}, expected {GRID_FORMAT!r}"
+        raise ValueError(f"{file} was not written by `curiobench grid`: {found}")
     if not isinstance(grid.get("cells"), list) or not isinstance(grid.get("commands", []), list):
         raise ValueError(f"{file} has no list of cells and of commands")
     for cell in grid["cells"]:
@@ -138,9 +147,10 @@ def find_agent(path: Path) -> Path | None:
         if _VERSION.fullmatch(str(folder)) and not os.path.lexists(folder):
             locate(str(folder))  # raises
         return None
-    name = agent_name(path.parent.name, path.name)
-    if name not in (names := agents_of(folder)):
-        raise ValueError(f"{path} is no published agent; {folder} has {_told(names)}")
+    task, method, names = path.parent.name, path.name, agents_of(folder)
+    name = next((name for name in (agent_name(task, method), f"{task}-{method}") if name in names), None)
+    if name is None:
+        raise ValueError(f"{path} is not a published agent; {_told(path.parent.parent, names)}")
     check_sums(folder, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
     return folder / AGENTS / name
 
@@ -152,18 +162,21 @@ def named_agent(path: Path, task: str | None, method: str | None) -> Path:
     """
     if not is_published(folder := by_name(path)):
         if task is not None:
-            raise ValueError(f"{path} is no published set; --task is for these only")
+            raise ValueError(f"--task is only for published sets, and {path} is not one")
         return path
     names = agents_of(folder)
     tasks = [name for name in TASKS if agent_name(name, method or "") in names] if task is None else [task]
     if method is not None and len(tasks) == 1:
         return path / tasks[0] / method
-    what = "--task must say which agent of" if tasks else "--method must name an agent of"
-    raise ValueError(f"{what} {path}, which has {_told(names)}")
+    if method is not None and tasks:
+        raise ValueError(f"{method} has agents of several tasks in {path}: add --task {' or --task '.join(tasks)}")
+    raise ValueError(f"--method must name an agent of {path}; {_told(path, names)}")
 
 
-def _told(agents: Sequence[str]) -> str:
-    return ", ".join(agents) or "none, only rows and configs of its runs"
+def _told(path: Path, agents: Sequence[str]) -> str:
+    """The agents of the set at a path, as `find_agent` reads them."""
+    paths = [str(path / name.replace("-", "/", 1)) for name in agents]
+    return f"available: {', '.join(paths)}" if paths else f"{path} has only rows and configs of its runs, no agents"
 
 
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
@@ -173,7 +186,7 @@ def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
         with reading(path):
             found = hashlib.sha256(path.read_bytes()).hexdigest()
         if sums.get(name) != found:
-            raise ValueError(f"{path} is not the file that was published: {SUMS} has another digest of it")
+            raise ValueError(f"{path} was changed after publishing: its SHA-256 is not the one in {SUMS}")
 
 
 def read_sums(folder: Path) -> dict[str, str]:
@@ -181,7 +194,7 @@ def read_sums(folder: Path) -> dict[str, str]:
     path = folder / SUMS
     with reading(path):
         if not path.is_file():  # reading a named pipe would never end
-            raise ValueError(f"cannot read {path}: it is no file")
+            raise ValueError(f"cannot read {path}: not a regular file")
         lines = path.read_text("utf-8", errors="replace").splitlines()
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 

@@ -228,7 +228,7 @@ def check_baseline(results: Results, baseline: str | None) -> str:
     """The method that others are compared with, by default sac. Raises ValueError if `baseline` has no run."""
     methods, chosen = list(dict.fromkeys(results.runs["method"])), display_name(baseline or "sac")
     if baseline and chosen not in methods:
-        raise ValueError(f"no run is of the baseline {chosen!r}; there are {', '.join(methods)}")
+        raise ValueError(f"no run has the baseline {chosen!r}; the methods are {', '.join(methods)}")
     return chosen
 
 

@@ -36,18 +36,18 @@ RUN_COLUMNS = (
 EVALUATION_COLUMNS = (*IDENTITY, *DTYPES)  # columns of `Results.evaluations`
 LAYER_COLUMNS = (*IDENTITY, "epoch", "steps", "layer", "goals", "success", "success_unsatisfied", "learned")
 """Columns of `Results.layers`."""
-FEWEST = 16  # run folders a process for which it is worth starting one
+FEWEST = 16  # run folders per process for which it is worth starting one
 
 
 @dataclass(frozen=True)
 class Results:
     """Runs as pandas frames."""
 
-    runs: pd.DataFrame  # a row a run
+    runs: pd.DataFrame  # one row per run
     evaluations: pd.DataFrame
-    """A row a run, evaluation and goal; with `read_results(every_goal=False)` the last evaluations only."""
-    layers: pd.DataFrame  # a row a run, evaluation and layer, with means over its goals; layer 0 is all goals together
-    progress: pd.DataFrame  # a row a run and epoch
+    """One row per run, evaluation and goal; with `read_results(every_goal=False)` the last evaluations only."""
+    layers: pd.DataFrame  # one row per run, evaluation and layer: means over its goals; layer 0 is all goals together
+    progress: pd.DataFrame  # one row per run and epoch
     config_files: dict[str, Path] = field(default_factory=dict)
     """Path of each run's config.json; in a published set the file may be missing."""
     faults: tuple[str, ...] = ()
@@ -151,7 +151,8 @@ def _usable(read: Iterable[tuple[RunData | str, bool]]) -> tuple[list[RunData], 
         elif run.evaluations is None and not run.fault:
             faults[asked].append(f"{run.path} is partial: it has no result.json; left out")
         elif first := kept.get(run.identity()):
-            faults[asked].append(f"{run.path} is a duplicate of {first.path}: the same config; left out")
+            why = "all options that affect results are equal"
+            faults[asked].append(f"{run.path} is a duplicate of {first.path}: {why}; left out")
         elif run.fault:
             faults[asked].append(run.fault)
         else:
@@ -167,7 +168,7 @@ def _load(folder: _Folder, partial: bool, every_goal: bool, progress: bool | Col
         run = read_head(path)
         found = GridRun(*(run.config[name] for name in GridRun._fields))
         if expected and found != expected._replace(method=canonical(expected.method)):
-            raise ValueError(f"{path} is foreign: it is {found}, not the grid's {expected}")
+            raise ValueError(f"{path} is foreign: it holds {found}, but grid.json expects {expected}")
     except (ValueError, OSError) as error:
         return _left_out(error)
     if run.result is None and not partial:

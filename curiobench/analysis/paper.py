@@ -40,11 +40,11 @@ PAPER_TABLES = {
 def paper_tables(summaries: Sequence[Summary]) -> list[Table]:
     """Tables 1 to 4 for every task that there are runs of.
 
-    Raises ValueError where no summary is of a method in the paper's tables.
+    Raises ValueError if no summary has a method of the paper's tables.
     """
     ours = [summary for summary in summaries if summary.sample.method in LEARNED]
     if not ours:
-        raise ValueError(f"none of the runs is of a method in the paper's tables, which are {', '.join(LEARNED)}")
+        raise ValueError(f"no run has a method of the paper's tables, which are {', '.join(LEARNED)}")
     groups = groupby(ours, key=lambda summary: summary.task)
     return [table for task, group in groups for table in _tables_of_task(task, list(group))]
 

@@ -47,7 +47,7 @@ def publish(
     files |= agents
     place = out.resolve()
     if not place.name:
-        raise ValueError(f"{out} is no place for a published set; name a folder in it")
+        raise ValueError(f"{out} cannot itself become a set; give a new folder, e.g. {out / 'v1'}")
     with writing_to(out):
         _write_in_place(place, results, files, replace)
     rows = [f"{out / name}: {len(frame):,} rows" for name, frame in _frames(results).items()]
@@ -78,16 +78,14 @@ def _check_runs(results: Results, allow_dirty: bool) -> None:
     if results.faults:
         raise ValueError(f"not published: {'; '.join(results.faults)}")
     dirty = [
-        f"{run} is of {f'the altered commit {commit}' if commit else 'an unknown commit'}"
+        f"{run} was made from {f'code with uncommitted changes (commit {commit})' if commit else 'an unknown commit'}"
         for run, commit in zip(results.runs["run"], results.runs["git_commit"], strict=True)
         if not _COMMITS.fullmatch(commit)
     ]
     if dirty and not allow_dirty:
-        raise ValueError(f"not published: {'; '.join(dirty)}; --allow-dirty takes them all the same")
+        raise ValueError(f"not published: {'; '.join(dirty)}; publish anyway with --allow-dirty")
     if odd := [run for run in results.runs["run"] if not _PLAIN.fullmatch(run)]:
-        raise ValueError(
-            f"not published: the run folder {odd[0]!r} needs a name of its own, of letters, digits and .+-_"
-        )
+        raise ValueError(f"not published: the run folder {odd[0]!r} needs a unique name of letters, digits and .+-_")
 
 
 def _tidy(out: Path, old: Path, new: Path) -> None:
@@ -111,7 +109,7 @@ def _check_place(out: Path, results: Results, files: Container[str], replace: bo
     if not out.exists() or (out.is_dir() and {path.name for path in out.iterdir()} <= {"README.md"}):
         return
     if not is_published(out):
-        raise ValueError(f"{out} exists and is no published set")
+        raise ValueError(f"{out} exists and is not a published set")
     if replace:
         return
     check_sums(out)
@@ -125,7 +123,8 @@ def _check_place(out: Path, results: Results, files: Container[str], replace: bo
     lost = [name for name in agents_of(out) if f"{AGENTS}/{name}/config.json" not in files]
     faults += [f"its agent {name} would be lost" for name in lost]
     if faults:
-        raise ValueError(f"{out} is published already: {'; '.join(faults)}; --replace does it all the same")
+        why = "; ".join(faults)
+        raise ValueError(f"{out} holds a published set that would lose or change data: {why}; overwrite with --replace")
 
 
 def _rows_of_runs(results: Results) -> dict[str, pd.DataFrame]:

@@ -55,7 +55,7 @@ def write_report(
         baseline: method that the others are compared with; sac, where there are runs of it, if None.
         processes: how many read and draw side by side; the page does not depend on it.
 
-    Raises ValueError where no run can be used, none is of the baseline, or the file cannot be written.
+    Raises ValueError if no run can be used, none has the baseline, or the file cannot be written.
     """
     if out.is_dir():
         raise ValueError(f"cannot write {out}: it is a folder; name a file, such as {out / 'report.html'}")

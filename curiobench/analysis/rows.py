@@ -91,7 +91,7 @@ def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
 
 
 def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]) -> pd.DataFrame:
-    """Read columns of a csv file that has them. Raises ValueError if a value is of another type."""
+    """Read columns of a csv file that has them. Raises ValueError if a value has another type."""
     types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
     with warnings.catch_warnings():  # an infinite integer gives a warning and an error
@@ -115,7 +115,7 @@ def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) ->
     rates = [rows[name].to_numpy().reshape(-1, n_goals) for name in ("success", "success_unsatisfied", "learned")]
     _check_success(*rates)
     if not ((rows["episodes"] > 0) & rows["episodes_unsatisfied"].between(0, rows["episodes"])).all():
-        raise ValueError("its numbers of episodes cannot be")
+        raise ValueError("episodes must be above 0 and episodes_unsatisfied from 0 to episodes")
     texts = {"goal": _names(rows["goal"].to_numpy().reshape(-1, n_goals)), "bits": bits}
     kept = rows if every_goal else rows[-n_goals:]
     codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
@@ -125,18 +125,18 @@ def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) ->
 
 
 def _check_goals(bits: pd.Series, layer: np.ndarray, starts: np.ndarray, task: str) -> list[str]:
-    """Bits of the goals; raises ValueError where an evaluation does not hold each of them once, in one order."""
+    """Bits of the goals. Raises ValueError unless every evaluation has each of them once, in the same order."""
     known = _goals_of(task)
     sizes = np.diff(np.r_[starts, len(bits)])
     n_goals = len(known) if known else int(sizes[0])
     if (sizes != n_goals).any():
-        raise ValueError(f"an evaluation has {sizes[sizes != n_goals][0]} rows; it takes {n_goals}, one a goal")
+        raise ValueError(f"an evaluation has {sizes[sizes != n_goals][0]} rows, expected {n_goals} (one per goal)")
     first = dict(zip(bits[:n_goals].astype(str), layer[:n_goals].tolist(), strict=True))
     if len(first) != n_goals or (known and first != known):
         raise ValueError(f"its goals are not those of {task}")
     for column in (bits.cat.codes.to_numpy(), layer):
         if (column.reshape(-1, n_goals) != column[:n_goals]).any():
-            raise ValueError("its evaluations differ in their goals")
+            raise ValueError("all evaluations must have the same goals and layers, in the same order")
     return list(first)
 
 
@@ -157,15 +157,15 @@ def _check_success(success: np.ndarray, unsatisfied: np.ndarray, learned: np.nda
         raise ValueError("its success_unsatisfied is not always a number from 0 to 1")
     sure = np.abs(success - LEARNED_ABOVE) > _ROUNDING
     if ((learned != (success > LEARNED_ABOVE)) & sure).any():
-        raise ValueError(f"its learned is not 1 where success is above {LEARNED_ABOVE} and 0 elsewhere")
+        raise ValueError(f"column learned must be 1 where success > {LEARNED_ABOVE}, else 0")
 
 
 def _names(goals: np.ndarray) -> list[str]:
-    """Names of the goals `(E, G)`; raises ValueError where one changes from evaluation to evaluation."""
+    """Names of the goals `(E, G)`. Raises ValueError unless they are unique and the same in all evaluations."""
     first = list(goals[0])
     texts = all(isinstance(name, str) for name in first)
     if (goals != goals[0]).any() or len(set(first)) != len(first) or not texts:
-        raise ValueError("its goals do not have one name each")
+        raise ValueError("every goal needs one unique name, the same in all evaluations")
     return first
 
 

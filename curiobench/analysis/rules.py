@@ -32,8 +32,8 @@ from curiobench.methods.specs import BUILT_IN, split
 from curiobench.protocol import EVALUATION_SEED, MIN_SEEDS
 from curiobench.tasks.registration import TASK_VERSION, task_spec
 
-LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change the last bits of a run's numbers
-SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")  # packages whose other versions call for a warning
+LAST_BITS = frozenset({"device", "torch_threads"})  # options that may change a run's numbers by rounding
+SOFTWARE = ("curiobench", "mujoco", "dm_control", "torch")  # packages whose versions are compared
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _LARGEST_OPTION = 10**9
 _ROUNDING = 1e-6
@@ -47,7 +47,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
         against: name or path of the published set that is the reference, or "presets"; None for the newest set that
             comes with this package, or the presets where there is none. Raises ValueError where there is no such set.
 
-    Returns a line that says what is compared with what, and a finding a property.
+    Returns a line that says what is compared with what, and one finding per property.
     """
     compared, runs = reference(against), read_submission(paths)
     methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
@@ -56,7 +56,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
 
 @rule("every folder holds one whole run")
 def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Reading the runs has found what is not complete or consistent."""
+    """No folder may be missing, damaged, partial, duplicate or foreign."""
     yield from ((fault, "") for fault in runs.results.faults)
     if runs.results.runs.empty and not runs.results.faults:
         yield "there is no run", ""
@@ -64,7 +64,7 @@ def complete(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("version of the tasks")
 def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Runs that do not record it are of the first, the only one when they were made."""
+    """Runs must have the reference's version. Runs without a record have version 1, the only one of their time."""
     wanted = {v.get("task_version", 1) for _, v in against.runs.versions} if against.runs else {TASK_VERSION}
     for run, versions in runs.versions:
         if (found := versions.get("task_version", 1)) not in wanted:
@@ -73,7 +73,7 @@ def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 @rule("seed of the test episodes")
 def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Of the runs that record it."""
+    """Runs that record the seed must have the protocol's."""
     found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
     if not any(seed for _, seed in found):
         raise Skipped("made by a curiobench that did not write it down yet")
@@ -82,7 +82,7 @@ def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("starts of the test episodes")
 def same_starts(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Goals hold at the start of as many test episodes as those of the protocol's seed."""
+    """Each goal must hold at the start of as many test episodes as with the protocol's seed."""
     known = False
     for run, rows in runs.evaluations.items():
         kinds = rows[["goal", "bits", "episodes", "episodes_unsatisfied"]].drop_duplicates()
@@ -98,7 +98,7 @@ def same_starts(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 @rule("test episodes of a goal")
 def same_episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """As many as the config says."""
+    """Every goal must have as many test episodes as the config says."""
     for run, rows in runs.evaluations.items():
         wanted = runs.configs[run].get("episodes_per_goal")
         wrong = [found for found in rows["episodes"].unique() if found != wanted]
@@ -107,10 +107,10 @@ def same_episodes(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("goals")
 def same_goals(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Names, bits and layers of all goals of the task, and of no other."""
+    """Names, bits and layers must be those of all goals of the task, without others."""
     for run, rows in runs.evaluations.items():
         found, wanted = goals_in(rows), against.goals(runs.configs[run]["task"])
-        for odd, what in ((found - wanted, "is none of the task's"), (wanted - found, "is missing")):
+        for odd, what in ((found - wanted, "is not one of the task's"), (wanted - found, "is missing")):
             if wanted and odd:
                 name, bits, layer = min(odd)
                 yield f"goal {name!r}, {bits} in layer {layer}, {what}", run
@@ -118,7 +118,7 @@ def same_goals(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 @rule("evaluations when they are due")
 def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Before training, after every `evaluate_every`-th epoch and after the last."""
+    """Evaluations must be before training, after every `evaluate_every`-th epoch and after the last."""
     for run, rows in runs.evaluations.items():
         config = runs.configs[run]
         if fault := _no_numbers(config, "evaluate_every"):
@@ -134,14 +134,14 @@ def schedule(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("options, apart from the method's own")
 def same_options(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Those of the reference, but for `LAST_BITS`."""
+    """Options must equal the reference's. `LAST_BITS` have a rule of their own."""
     for run, config in runs.configs.items():
         yield from ((text, run) for name, text in against.unlike(config).items() if name not in LAST_BITS)
 
 
 @rule("steps and updates as the options say")
 def amounts(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """As many an epoch."""
+    """Steps and updates must rise by the configured amount every epoch."""
     for run, config in runs.configs.items():
         fault = _no_numbers(config, "cycles", "worlds", "rollouts", "updates")
         if not fault and run not in runs.progress:
@@ -160,16 +160,16 @@ def _no_numbers(config: Mapping[str, Any], *names: str) -> str:
     return f"{wrong[0]} is {config.get(wrong[0])!r:.40}, not a number from 1 to {_LARGEST_OPTION:,}" if wrong else ""
 
 
-def _off(rows: pd.DataFrame, name: str, an_epoch: int) -> str:
+def _off(rows: pd.DataFrame, name: str, per_epoch: int) -> str:
     """Where a counter does not rise by this much every epoch, as text; empty if it does."""
-    for wrong in rows[rows[name] != rows["epoch"].astype(float) * an_epoch].head(1).to_dict("records"):
-        return f"{wrong[name]} {name} after epoch {wrong['epoch']}, not {wrong['epoch'] * an_epoch}"
+    for wrong in rows[rows[name] != rows["epoch"].astype(float) * per_epoch].head(1).to_dict("records"):
+        return f"{wrong[name]} {name} after epoch {wrong['epoch']}, not {wrong['epoch'] * per_epoch}"
     return ""
 
 
 @rule("success in whole episodes")
 def whole_successes(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Shares of whole episodes: successes, and those among them whose goal did not hold at the start."""
+    """Success must be a whole number of episodes, also among those whose goal did not hold at the start."""
     for run, rows in runs.evaluations.items():
         satisfied = rows["episodes"] - rows["episodes_unsatisfied"]
         successes = rows["success"] * rows["episodes"]
@@ -185,7 +185,7 @@ def whole_successes(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule(f"{MIN_SEEDS} seeds or more of each method")
 def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """With the same options."""
+    """Every method needs this many seeds with the same options."""
     groups = runs.results.runs.groupby(["task", "robot", "method", "variant"], sort=False)["seed"].nunique()
     for names, found in groups[groups < MIN_SEEDS].items():
         yield f"{' '.join(filter(None, names))}: {found} of {MIN_SEEDS}", ""
@@ -193,7 +193,7 @@ def seeds(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("numbers of its own in every run")
 def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """No two runs of a task have the same progress: a copy with another seed in its config is no second run."""
+    """No two runs of a task may have the same progress: a copy with another seed in its config is not a second run."""
     first: dict[tuple[str, bytes], str] = {}
     for run, rows in runs.progress.items():
         names = [name for name in rows if name not in IDENTITY and not name.startswith("seconds")]
@@ -202,9 +202,9 @@ def own_numbers(runs: Submission, _: Reference) -> Iterator[Fault]:
             yield f"the same progress as {first[key]}", run
 
 
-@rule("digest of a method from outside")
+@rule("digest of a method that is not built in")
 def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """That of one file of each method."""
+    """All runs of a method that is not built in must record the SHA-256 of the same file."""
     methods = {run: config["method"] for run, config in runs.configs.items()}
     outside = {run: method for run, method in methods.items() if split(method)[0] not in ("sac", *BUILT_IN)}
     if not outside:
@@ -215,13 +215,14 @@ def digests(runs: Submission, _: Reference) -> Iterator[Fault]:
         if run in outside and _DIGEST.fullmatch(digest):
             found[outside[run]].add(digest)
         elif run in outside:
-            yield f"none of {outside[run]}", run
-    yield from ((f"{len(files)} different files of {method}", "") for method, files in found.items() if len(files) > 1)
+            yield f"no SHA-256 of {outside[run]}'s file is recorded", run
+    several = {method: len(files) for method, files in found.items() if len(files) > 1}
+    yield from ((f"{n_files} different files define {method}", "") for method, n_files in several.items())
 
 
 @rule("unaltered code")
 def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """Code as it is in a commit."""
+    """The code must be that of a commit, without changes."""
     for run, versions in runs.versions:
         if (commit := str(versions.get("git_commit", ""))).endswith("-dirty"):
             yield f"made by an altered copy of commit {commit[:12]}", run
@@ -229,7 +230,7 @@ def unaltered(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("commit on record", "warn")
 def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
-    """A package installed without git has none."""
+    """The commit should be recorded. A package installed without git has none."""
     for run, versions in runs.versions:
         if not versions.get("git_commit"):
             yield f"only the version is known, {versions.get('curiobench', 'unknown')}", run
@@ -237,7 +238,7 @@ def commit_known(runs: Submission, _: Reference) -> Iterator[Fault]:
 
 @rule("task and robot are the reference's", "warn")
 def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """The reference has runs of both."""
+    """The reference should have runs of the task with the robot."""
     published = set(map(task_and_robot, against.published().configs.values()))
     for run, config in runs.configs.items():
         if task_and_robot(config) not in published:
@@ -247,7 +248,7 @@ def beside(runs: Submission, against: Reference) -> Iterator[Fault]:
 
 @rule("versions are the reference's", "warn")
 def software(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """Of the packages that decide the numbers, but for the build, such as +cpu."""
+    """Packages that affect numbers should have the reference's versions. Builds, such as +cpu, do not matter."""
     theirs = against.published().results.runs
     for name in SOFTWARE:
         published = set().union(*map(_releases, theirs[name]))
@@ -263,6 +264,6 @@ def _releases(versions: str) -> set[str]:
 
 @rule("device and threads are the reference's", "warn")
 def last_bits(runs: Submission, against: Reference) -> Iterator[Fault]:
-    """The options in `LAST_BITS`."""
+    """The options in `LAST_BITS` should be the reference's."""
     for run, config in runs.configs.items():
         yield from ((text, run) for name, text in against.unlike(config).items() if name in LAST_BITS)

@@ -40,7 +40,7 @@ class RunData:
     notes: tuple[str, ...] = ()  # a line for each file with incomplete last rows, which were left out
 
     def decisive(self) -> dict[str, Any]:
-        """Options that affect the numbers, and the digest of the file of a method from outside."""
+        """Options that affect the numbers, and the digest of the file of a method that is not built in."""
         digest = self.values["method_sha256"]
         return decisive(self.config) | ({"method_sha256": digest} if digest else {})
 
@@ -134,7 +134,8 @@ def check_config(config: Any) -> dict[str, Any]:
             raise ValueError(f"{name} is {config.get(name)!r}; it must be {legal}")
     for name in ("method", "preset"):
         if not isinstance(config.get(name), str) or not _SPEC.fullmatch(config[name]):
-            raise ValueError(f"{name} is {config.get(name)!r:.80}; it must be a name")
+            legal = "letters, digits and . _ - (a method may also have :Class and +hm)"
+            raise ValueError(f"{name} is {config.get(name)!r:.80}; it must consist of {legal}")
     return config | {"method": canonical(config["method"])}
 
 
@@ -148,7 +149,7 @@ def _read_result(path: Path, epochs: int) -> dict[str, Any] | None:
         if type(value) not in (int, float) or not 0 <= value < LARGEST_NUMBER:
             raise ValueError(f"{path}: {name} is {value!r:.80}; it must be a number from 0 to {LARGEST_NUMBER:.0e}")
     if result["epochs"] != epochs:
-        raise ValueError(f"{path}: it is of {result['epochs']} epochs, the config of {epochs}")
+        raise ValueError(f"{path} records {result['epochs']} epochs, config.json {epochs}")
     return result
 
 

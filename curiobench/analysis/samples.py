@@ -98,7 +98,7 @@ def _of_task(task: str, runs: pd.DataFrame, results: Results, looks: Mapping[str
     for key in sorted(groups, key=lambda key: (place_of(key[0]), key[1])):
         names = list(groups[key]["run"])
         curves = _curves(names, layers, list(sizes))
-        ends = _ends(names, evaluations, list(goals["bits"]))
+        ends = _ends(names, evaluations, goals)
         logged = {column: _logged(names, progress, column) for column in LOGGED}
         samples.append(Sample(task, *key, groups[key], *curves, *ends, logged, looks[key[0]]))
     before = layers[(layers["epoch"] == 0) & (layers["layer"] == 0)]
@@ -142,15 +142,17 @@ def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, floa
     return np.round(area_under_curve(epochs, success), DECIMALS), good[0] if len(good) else np.nan
 
 
-def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: Sequence[str]) -> list[np.ndarray]:
-    """`goal_success` and `goal_learned` of a sample."""
+def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: pd.DataFrame) -> list[np.ndarray]:
+    """`goal_success` and `goal_learned` of a sample, for the goals of the task's first run."""
+    bits = list(goals["bits"])
     rows = evaluations.loc[evaluations["run"].isin(runs), ["run", "epoch", "bits", "success", "learned"]]
     rows = rows.astype({"run": str, "bits": str})
     rows = rows[rows["epoch"] == rows.groupby("run")["epoch"].transform("max")]
     tables = [rows.pivot(index="run", columns="bits", values=name).reindex(runs) for name in ("success", "learned")]
-    if set(tables[0].columns) != set(goals) or tables[0].isna().to_numpy().any():
-        raise ValueError(f"the runs {', '.join(runs)} have other goals than the first run of their task")
-    return [table[goals].to_numpy(float) for table in tables]
+    if set(tables[0].columns) != set(bits) or tables[0].isna().to_numpy().any():
+        first = goals["run"].iloc[0]
+        raise ValueError(f"the runs {', '.join(runs)} were not all evaluated on the goals of {first}")
+    return [table[bits].to_numpy(float) for table in tables]
 
 
 def _logged(runs: Sequence[str], progress: pd.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,7 @@ def _read(folder: Path, every_goal: bool) -> list[RunData]:
     if heads["run"].duplicated().any():
         raise ValueError("a run is in runs.csv twice")
     if odd := [name for name in heads["run"] if PurePosixPath(name).name != name]:
-        raise ValueError(f"{odd[0]!r} in runs.csv is no name of a run")
+        raise ValueError(f"runs.csv: {odd[0]!r} is not the name of a run")
     if strangers := (set(rows["run"]) | set(details["run"])) - set(heads["run"]):
         raise ValueError(f"{min(strangers)!r} has rows, but is not in runs.csv")
     rows_of, details_of = dict(list(rows.groupby("run"))), dict(list(details.groupby("run")))
@@ -75,7 +75,8 @@ def _run(
         raise ValueError(f"{name} has {epoch} of {config['epochs']} epochs and is said to be complete")
     for column in _NUMBERS:
         if not (0 <= row[column] < LARGEST_NUMBER or (np.isnan(row[column]) and not row["complete"])):
-            raise ValueError(f"{column} of {name} is {row[column]}, which cannot be")
+            legal = f"at least 0 and below {LARGEST_NUMBER:.0e}"
+            raise ValueError(f"runs.csv: {column} of run {name} is {row[column]}; it must be {legal}")
     values = columns_of(config) | {column: row[column] for column in _TEXT[1:]}
     values |= {"complete": row["complete"], "epoch": epoch, "steps": steps, "updates": int(row["updates"])}
     values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}

@@ -25,12 +25,12 @@ _PALETTE = (
     *("#DDCC77", "#EE99AA", "#117733", "#004488", "#994455"),
 )
 COLOURS = dict(zip(("sac", *BUILT_IN), _PALETTE, strict=False))
-"""Colours of the built-in methods by spec, without `+hm`; those beyond the palette have colours as from outside."""
+"""Colours of the built-in methods by spec, without `+hm`; beyond the palette they are chosen as for other methods."""
 OUTSIDE = (
     *("#0072B2", "#0000FF", "#00C300", "#FF0FFF", "#FF005A", "#965AFF"),
     *("#3C4B1E", "#E19678", "#782D0F", "#FF00A5", "#0F7800", "#A596FF"),
 )
-"""Colours of methods from outside, far from those above and from each other."""
+"""Colours of methods that are not built in, far from those above and from each other."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of lines in the background."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
@@ -83,7 +83,7 @@ def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
 def labels(samples: Sequence["Sample"]) -> dict["Sample", str]:
     """Name of each sample: method, variant, and number of seeds if samples differ in it.
 
-    Methods from outside that would share a name keep their full spec.
+    Methods that are not built in and would share a name keep their full spec.
     """
     known = Counter(method_name(spec) for spec in {sample.method for sample in samples})
     differ = len({sample.n_seeds for sample in samples}) > 1

@@ -23,7 +23,7 @@ from curiobench.presets import PRESETS, preset
 from curiobench.protocol import satisfied_starts
 from curiobench.tasks.registration import task_spec
 
-PRESETS_ONLY = "presets"  # name of the reference that is no published set
+PRESETS_ONLY = "presets"  # name of the reference that is not a published set
 _MOST_FAULTS, _MOST_RUNS = 10, 3
 """How many faults of a property are named, and how many runs of each; the others are only counted."""
 
@@ -134,7 +134,7 @@ def _differences(own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
     found = {}
     for name in {**other, **own}:
         if name not in other:
-            found[name] = f"{name!r:.60} is no option"
+            found[name] = f"{name!r:.60} is not an option"
         elif name not in own or own[name] != other[name]:
             value = f"{own[name]!r:.60}" if name in own else "missing"
             found[name] = f"{name} is {value}, not {other[name]!r}"

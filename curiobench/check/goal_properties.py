@@ -116,7 +116,7 @@ def draws_transitions(method: type[Relabelling], n_blocks: int) -> None:
     for filled in (1, EPISODES):
         replay = _replay(method, n_blocks, filled)
         for size in (1, BATCH):
-            replay.sample(size, np.random.default_rng(0))  # which refuses what is no draw
+            replay.sample(size, np.random.default_rng(0))  # which refuses what is not a draw
 
 
 def same_transitions_again(method: type[Relabelling], n_blocks: int) -> None:
@@ -142,7 +142,7 @@ def global_random_state(method: type[Curriculum] | type[Relabelling], n_blocks: 
 
 
 def _lists(arrays: object) -> list:
-    """Arrays as lists, in order; what is no array as it is."""
+    """Arrays as lists, in order; anything else unchanged."""
     values = arrays.values() if isinstance(arrays, dict) else arrays
     return [value.tolist() if isinstance(value, np.ndarray) else value for value in values]
 

@@ -35,8 +35,8 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
             file.write(text)
     except FileExistsError:
         if not folder.is_dir():
-            raise ValueError(f"cannot write {path}: {folder} is no folder") from None
-        raise ValueError(f"{path} exists; it is left as it is") from None
+            raise ValueError(f"cannot write {path}: {folder} is not a folder") from None
+        raise ValueError(f"{path} already exists and was not changed; choose another name") from None
     except OSError as error:
         raise ValueError(f"cannot write {path}: {error.strerror}") from None
     return path, f"{name}:{class_name}"

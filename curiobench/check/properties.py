@@ -1,4 +1,4 @@
-"""`curiobench check`: whether a curiosity method keeps the rules of `IntrinsicReward`, a line a property.
+"""`curiobench check`: whether a curiosity method keeps the rules of `IntrinsicReward`, one line per property.
 
 Each property is a function of a `Subject` that raises `Broken` with what was expected and found, or `Skipped` with the
 reason; else it passes. `PROPERTIES` gives each its name. They are independent: a method that breaks one rule

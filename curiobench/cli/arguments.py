@@ -14,7 +14,7 @@ Runs = Annotated[
 ]
 Baseline = Annotated[
     str | None,
-    tyro.conf.arg(help="Method that the others are compared with; by default sac, where there are runs of it."),
+    tyro.conf.arg(help="Method that the others are compared with; by default sac, if there are runs of it."),
 ]
 Switch = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 Partial = Annotated[Switch, tyro.conf.arg(help="Also use runs that are not finished.")]
@@ -59,9 +59,11 @@ class GridArguments:
     """Where cells run: processes of this machine, tasks of a Ray cluster, or jobs of SLURM (the last two need the extra
     of that name)."""
     address: Annotated[str | None, tyro.conf.arg(metavar="HOST:PORT")] = None
-    """Ray cluster that is up, or auto to find it; without it one starts on this machine and ends with the grid."""
+    """Address of a running Ray cluster, or auto to find it; without it one starts on this machine and ends with the
+    grid."""
     slurm: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
-    """Option of sbatch for every cell's job, such as time=240 (needed), partition=cpu, mem=4G; once for each."""
+    """Option of sbatch for every cell's job, such as time=240 (required) or partition=cpu; give --slurm once per
+    option."""
     dry_run: Switch = False
     """Show every cell, its state and its command, and start nothing."""
 
@@ -82,7 +84,7 @@ class EvaluateArguments:
     threads: int = 1
     """Threads that step the worlds; results do not depend on it."""
     method: str | None = None
-    """The run's method, where it is one from outside: naming it allows importing it."""
+    """For a method that is not built in: its spec. Required, because loading it runs its code."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +105,10 @@ class VideoArguments:
     seed: int = 0
     """Seed of the starts."""
     method: str | None = None
-    """Which agent of a published set. Of a run the method, where it is one from outside: naming it allows importing
-    it."""
+    """For a published set, the method of the agent. For a method that is not built in: its spec. Required, because
+    loading it runs its code."""
     task: str | None = None
-    """Task of the agent, where a published set has the method's on several."""
+    """For a published set, the task of the agent; needed if the set has the method's agents on several tasks."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class ReportArguments:
 
     runs: Runs
     out: Path = Path("report.html")
-    """File to write; replaced if it is there."""
+    """File to write; an existing one is replaced."""
     title: str | None = None
     """Title of the page; by default it names the tasks."""
     partial: Partial = False
@@ -166,20 +168,21 @@ class ReportArguments:
 class PublishArguments:
     """Write a published set: rows, configs, agents, tables, figures and a report of finished runs in one folder.
 
-    Refuses all of it where a run is missing, broken, partial, a duplicate or foreign. A run that was made longer takes
-    the place of what it was before. A README and other files that stand in the folder are kept. The best run of each
-    task and method that still has its checkpoint gives the agent.
+    Publishes nothing if any run is missing, broken, partial, a duplicate or foreign. A lengthened run replaces its
+    shorter version. A README and other files in the folder are kept. The agent of a task and method comes from its best
+    run that still has a checkpoint.
     """
 
     runs: Runs
     out: Path
     """Folder of the set, such as results/v1."""
     allow_dirty: Switch = False
-    """Also take runs of altered code, or of code whose commit is not known."""
+    """Also publish runs of code with uncommitted changes, or of an unknown commit."""
     replace: Switch = False
-    """Also where runs of the set that is there would be lost or get other numbers, or agents be lost."""
+    """Overwrite an existing set even if runs or agents would be lost or numbers change."""
     method: tuple[str, ...] = ()
-    """The runs' methods that are from outside: naming them allows importing them; without, they give no agents."""
+    """For each method that is not built in: its spec. Without it the method gets no agent, because loading one runs the
+    method's code."""
 
 
 @dataclass(frozen=True)
@@ -193,14 +196,14 @@ class SubmitCheckArguments:
     runs: Runs
     against: str | None = None
     """Published set to compare with, by name or path, or "presets"; by default the newest that comes with curiobench,
-    or the presets where there is none."""
+    or the presets if there is none."""
 
 
 @dataclass(frozen=True)
 class ProbeArguments:
     """Compute intrinsic rewards along scripted episodes: figures, numbers, and a controllability score per run.
 
-    Reads the newest checkpoints; the runs may still be training. All runs have to be of one task and robot.
+    Reads the newest checkpoints; the runs may still be training. All runs must have the same task and robot.
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -218,7 +221,7 @@ class ProbeArguments:
     """Epoch that methods get instead of their checkpoint's, on the paper's scale of 500. It changes MI's weight of
     conservativeness."""
     method: tuple[str, ...] = ()
-    """The runs' methods that are from outside: naming them allows importing them."""
+    """For each method that is not built in: its spec. Required, because loading it runs its code."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +231,7 @@ class NewMethodArguments:
     name: tyro.conf.Positional[str]
     """Name of the file, without .py; the class in it has the same name in CamelCase."""
     out: Path = Path(".")
-    """Folder of the file; a file that is there already is not replaced."""
+    """Folder of the file; an existing file is not replaced."""
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ def check(arguments: CheckArguments) -> None:
 
     spec = parse_spec(arguments.method)
     if spec.method is None:
-        raise ValueError(f"{arguments.method} has no method to check")
+        raise ValueError(f"{arguments.method} is the agent without a curiosity method, so there is nothing to check")
     tune_process()
     findings = examine_goals(spec.method) if spec.reward is None else examine(spec.reward)
     _show_findings(f"{spec.method.__name__} in {file_of(spec.method)}", findings, arguments.method)

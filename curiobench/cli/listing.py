@@ -44,4 +44,4 @@ def _method_line(spec: str) -> str:
         return f"{split(ALIASES[spec])[0]} under the hybrid policy mechanism (Han et al. 2023)"
     if spec in BUILT_IN:
         return BUILT_IN[spec].line
-    return f"from outside: {' or '.join(installed_methods()[spec])}"
+    return f"not built in: {' or '.join(installed_methods()[spec])}"

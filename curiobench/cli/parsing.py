@@ -28,7 +28,7 @@ def parse_arguments(
         default: values of what is not given.
 
     Raises:
-        ValueError: arguments that are not understood; one line.
+        ValueError: an argument is unknown or has an illegal value; one line.
         SystemExit: on `--help`, after showing it.
     """
     for flag, argument in pairwise(["an argument", *arguments]):

@@ -28,8 +28,8 @@ class TrainArguments:
     """Run folder."""
     config: Annotated[RunConfig, tyro.conf.arg(name="")]
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Continue the run in this folder, with its own config; begin one if there is none yet. With more --epochs than it
-    was begun with, it is lengthened."""
+    """Continue the run in this folder with its own config, or start one if the folder has none. A larger --epochs
+    lengthens the run."""
 
 
 def parse_train(arguments: Sequence[str]) -> TrainArguments:

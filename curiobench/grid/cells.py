@@ -67,7 +67,7 @@ def cells_of(grid: Grid, out: Path) -> list[Cell]:
     for options in (grid.options, *grid.variants.values()):
         _check_names(options)
     if taken := [name for name in _AXES_OF_ALL if name in grid.options]:
-        raise ValueError(f"options: {taken[0]} has a key and a flag of its own")
+        raise ValueError(f"{taken[0]} cannot be given in options; use --{taken[0]}, or the key {taken[0]} of the file")
     axes = product(grid.tasks, grid.methods, grid.variants)
     by_seed = list(zip(*(_seeds_of_one(grid, out, *axis) for axis in axes), strict=True))
     cells = [cell for row in by_seed for cell in row]
@@ -107,7 +107,7 @@ def _check_names(options: Options) -> None:
     legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))
     for name in options:
         if name in _OWN:
-            raise ValueError(f"options: {name} is an axis of the grid; use {name}s")
+            raise ValueError(f"{name} cannot be given in options; use --{name}s, or the key {name}s of the file")
         if not _METHOD_OPTION.fullmatch(name):
             check_name("option", name, legal)
 
@@ -120,7 +120,7 @@ def write_record(out: Path, cells: Sequence[Cell], command: Sequence[str]) -> No
         cells: to add; one that has begun already keeps the command that began it.
         command: the command line of the grid, for the record.
 
-    Raises ValueError where the file is no grid's or the folder cannot be written; one line.
+    Raises ValueError, one line, if the file is not a grid's or the folder cannot be written.
     """
     with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)

@@ -47,10 +47,10 @@ class Grid:
             if not values:
                 raise ValueError(f"the grid has no {name}: name some by --{name}, or by {name} in the file")
             if doubled := _repeated(values):
-                raise ValueError(f"{name} names {doubled[0]} twice")
+                raise ValueError(f"{name}: {doubled[0]} is given more than once")
         for seed in (min(self.seeds), max(self.seeds)):
             if not 0 <= seed <= LARGEST_SEED:
-                raise ValueError(f"seeds holds {seed}; a seed lies between 0 and {LARGEST_SEED}")
+                raise ValueError(f"seeds has {seed}; a seed must be from 0 to {LARGEST_SEED}")
 
 
 def _repeated(values: Sequence[Any]) -> list[Any]:
@@ -112,7 +112,7 @@ class _Loader(yaml.SafeLoader):
             raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are not allowed", node.start_mark)
         if doubled := _repeated(names):
             raise yaml.constructor.ConstructorError(
-                None, None, f"the key {doubled[0]!r} is there twice", node.start_mark
+                None, None, f"the key {doubled[0]!r} is given more than once", node.start_mark
             )
         return super().construct_mapping(node, deep)
 
@@ -150,7 +150,7 @@ def _options(value: Any, where: str) -> dict[str, Scalar]:
             raise ValueError(f"{where}: {name} is {_kind(option)}; expected a number, text, true, false or null")
         canonical = name.replace("_", "-")
         if canonical in found:
-            raise ValueError(f"{where}: the option {canonical!r} is there twice")
+            raise ValueError(f"{where}: the option {canonical!r} is given more than once")
         found[canonical] = option
     return found
 
@@ -159,7 +159,8 @@ def _variants(value: Any, where: str) -> dict[str, dict[str, Scalar]]:
     variants = {name: _options(options, f"variant {name}") for name, options in _mapping(value, where).items()}
     for name in variants:
         if not _VARIANT.fullmatch(name):
-            raise ValueError(f"variant {name!r}: a name is made of letters, digits and . _ = + -, and begins with none")
+            legal = "letters, digits and . _ = + - (at most 100), and start with a letter or digit"
+            raise ValueError(f"variant {name!r}: names use {legal}")
     if not variants:
         raise ValueError(f"{where} is empty")
     return variants
@@ -208,7 +209,8 @@ def _seeds_of_text(text: str) -> list[int]:
 
 def _first_seeds(number: int) -> list[int]:
     if number > MOST_SEEDS:
-        raise ValueError(f"seeds asks for {number} of them, {MOST_SEEDS} at most; `{number},` is one seed")
+        one = f"for the one seed {number} write --seeds {number}, (with a comma), or [{number}] in a file"
+        raise ValueError(f"seeds {number} means {number} seeds, at most {MOST_SEEDS}; {one}")
     return list(range(number))
 
 
@@ -219,7 +221,7 @@ def _options_of_text(text: str) -> dict[str, Scalar]:
             raise ValueError(f"options: {name!r} has no value; expected pairs such as epochs=12,sac.gamma=0.9")
     names = [name.strip() for name, _, _ in pairs]
     if doubled := _repeated(names):
-        raise ValueError(f"options: the option {doubled[0]!r} is there twice")
+        raise ValueError(f"options: the option {doubled[0]!r} is given more than once")
     words = {"true": True, "false": False}
     values = (value.strip() for _, _, value in pairs)
     return _options({n: words.get(v.lower(), v) for n, v in zip(names, values, strict=True)}, "options")

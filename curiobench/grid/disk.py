@@ -34,7 +34,7 @@ def cell_state(cell: Cell) -> tuple[State, str]:
     except ValueError as error:
         return State.CONFLICT, str(error)
     if found := obstacles(begun, cell.config):
-        return State.CONFLICT, f"{cell.path} has another config: {'; '.join(found)}"
+        return State.CONFLICT, f"the run in {cell.path} has other options: {'; '.join(found)}"
     if (cell.path / "result.json").exists():
         if begun.epochs == cell.config.epochs:
             return State.FINISHED, ""

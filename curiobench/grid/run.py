@@ -32,9 +32,9 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         if (value := getattr(arguments, name)) is not None and value < least:
             raise ValueError(f"{name} is {value}; it must be at least {least}")
     if arguments.address is not None and arguments.launcher != "ray":
-        raise ValueError("--address is of --launcher ray")
+        raise ValueError("--address needs --launcher ray")
     if arguments.slurm and arguments.launcher != "slurm":
-        raise ValueError("--slurm is of --launcher slurm")
+        raise ValueError("--slurm needs --launcher slurm")
     out = arguments.out if arguments.launcher == "local" else arguments.out.resolve()
     cells = cells_of(define(arguments), out)
     if arguments.dry_run:

@@ -61,7 +61,7 @@ class SlurmJob:
 
 
 class SlurmLauncher:
-    """Submits a job a cell."""
+    """Submits one job per cell."""
 
     def __init__(
         self, jobs: int | None, options: Sequence[str], out: Path, program: Sequence[str] = PROGRAM,

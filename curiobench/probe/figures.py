@@ -47,7 +47,7 @@ def draw_rewards(
     path: Path,
     among: Among,
 ) -> list[Path]:
-    """Draw normalised rewards along the pictured episode of a kind, a line a run; returns the PNG's and PDF's paths."""
+    """Draw normalised rewards along the pictured episode of a kind, one line per run; returns paths of PNG and PDF."""
     start, moments = played.pictured, played.kind.moments(played.track[played.pictured])
     figure = new_figure(9, 6.2, dpi=150)
     axes, strip = figure.subplots(2, 1, height_ratios=(1.5, 1))

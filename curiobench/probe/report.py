@@ -43,7 +43,7 @@ def probe(
         out: folder for the files; created if it does not exist.
         starts: plain starts from which each script is played, at least 1.
         seed: of the starts and of the reference play.
-        trusted: methods from outside that may be imported.
+        trusted: methods that are not built in and may be imported.
         as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
         among: kind of reference transitions.
 
@@ -95,7 +95,7 @@ def draw(
 
 
 def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilityScore]) -> str:
-    """A line a run, the highest score first."""
+    """One line per run, the highest score first."""
     lines = [
         [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.mean)),
          f"{s.low:+.2f} to {s.high:+.2f}", str(s.starts)]

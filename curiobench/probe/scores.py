@@ -72,14 +72,14 @@ def open_runs(
 
     Args:
         paths: run folders.
-        trusted: methods from outside that may be imported.
+        trusted: methods that are not built in and may be imported.
         as_of_epoch: epoch that the methods are given, at least 0; that of each checkpoint if None.
 
     Returns:
         Runs with an intrinsic reward, and notes for the user, a line each.
 
-    Raises ValueError where a folder is no run's, has no checkpoint, or is named twice, where tasks or robots differ,
-    or where nothing is left.
+    Raises ValueError if a folder is not a run folder, has no checkpoint, or is named twice, if tasks or robots differ,
+    or if nothing is left.
     """
     if as_of_epoch is not None and as_of_epoch < 0:
         raise ValueError(f"as_of_epoch is {as_of_epoch}; it must be at least 0")
@@ -92,7 +92,7 @@ def open_runs(
     for run in saved:
         if (run.config.task, run.config.robot) != (first.task, first.robot):
             here, there = (f"{c.task} with the {c.robot}" for c in (run.config, first))
-            raise ValueError(f"{run.path} is of {here}, {paths[0]} of {there}; only runs of one task and robot compare")
+            raise ValueError(f"{run.path} has {here}, {paths[0]} has {there}; runs need the same task and robot")
     curious = [run for run in saved if run.agent.learner.curiosity is not None]
     notes = [f"left out {run.path}: {run.config.method} has no intrinsic reward" for run in saved if run not in curious]
     if not curious:
@@ -151,8 +151,8 @@ def read(run: ProbedRun, played: Played, reference: Batch) -> Reading:
 def score_one_by_one(run: ProbedRun, probed: Batch, reference: Batch) -> torch.Tensor:
     """r_int (B,), raw, of probed transitions, each scored in a batch of its own with the same reference transitions.
 
-    A method from outside may compare a transition with others of its batch. Scored together, the steps of an episode
-    would be compared with each other, and a reward would depend on how long the block rests afterwards.
+    A method that is not built in may compare a transition with others of its batch. Scored together, the steps of an
+    episode would be compared with each other, and a reward would depend on how long the block rests afterwards.
     """
     n, size, method = len(probed.reward), others(run), run.agent.learner.curiosity.method
     episodes = () if method.uses_episode else ("episode_observation", "episode_achieved_goal")

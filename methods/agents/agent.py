@@ -103,7 +103,7 @@ class LearningAgent(ABC):
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore a `state_dict` of an agent with the same layout, config and method.
 
-        Raises KeyError, ValueError or RuntimeError if the state is of another kind of agent, and MethodError if the
+        Raises KeyError, ValueError or RuntimeError if another kind of agent saved the state, and MethodError if the
         curiosity method cannot load its part.
         """
         learner = self.learner

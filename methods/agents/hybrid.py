@@ -20,7 +20,7 @@ What the paper leaves open, and what we chose:
 - Each policy has its own temperature. One Adam trains all weights.
 - tau is fixed. With `adaptive_tau`, which the paper names as future work, it follows the spreads of Q_int and Q_ext
   over actions. How far pi_c can differ from pi_d depends on these spreads, not on the size of the values.
-- A method's term in the policy's loss (DAC's) goes to pi_c, and its `PolicyView` is of pi_c. In pi_d the term would
+- A method's term in the policy's loss (DAC's) goes to pi_c, and its `PolicyView` shows pi_c. In pi_d the term would
   bring back the distraction that the mechanism removes.
 """
 

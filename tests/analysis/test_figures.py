@@ -195,4 +195,4 @@ def test_command_prints_its_files_and_names_faults(make_runs, tmp_path, cli):
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
     partial, absent = err.splitlines()
     assert "stack2-icm-0 is partial" in partial
-    assert (code, absent.partition("none is")[0]) == (2, f"curiobench: not in the figures: {tmp_path}/")
+    assert (code, absent.partition("none does")[0]) == (2, f"curiobench: not in the figures: {tmp_path}/")

@@ -111,7 +111,7 @@ def test_command_warns_of_cells_and_fails_only_for_what_was_named(cli, make_runs
     code, out, err = cli("table", runs / "stack2-sac-0", partial, tmp_path / "none")
     assert code == 2
     assert "sac" in out
-    message = f"{tmp_path / 'none'} is no run folder: it does not exist; {partial} is partial: it has no result.json"
+    message = f"{tmp_path / 'none'} does not exist; {partial} is partial: it has no result.json"
     assert err == f"curiobench: not in the table: {message}; left out\n"
 
 

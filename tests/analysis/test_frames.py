@@ -75,9 +75,9 @@ def test_missing_and_foreign_folders_of_a_grid_are_named(make_runs, tmp_path):
     results = read_results([tmp_path / "runs"])
     assert results.faults == (
         f"{missing} is missing: the grid's stack2 sac seed 0",
-        f"{tmp_path / 'runs' / 'notes'} is foreign: it is no run folder; left out",
+        f"{tmp_path / 'runs' / 'notes'} is foreign: it is not a run folder; left out",
         f"{tmp_path / 'runs' / 'stack2-icm-0'} is foreign: it is a run, but not one of the grid's; left out",
-        f"{other} is foreign: it is stack2 rnd seed 5, not the grid's stack2 rnd seed 0; left out",
+        f"{other} is foreign: it holds stack2 rnd seed 5, but grid.json expects stack2 rnd seed 0; left out",
     )
     assert results.absent == ()
     assert list(results.runs["method"]) == ["mihm"]
@@ -93,7 +93,7 @@ def grid_of(*cells):
         ("[]", "it does not hold a JSON object"),
         ("[" * 100_000, "cannot read"),
         ("nonsense", "cannot read"),
-        ("{}", "is not a grid's: its format is None"),
+        ("{}", "was not written by `curiobench grid`: format is None"),
         ('{"format": "curiobench grid"}', "has no list of cells"),
         (grid_of({"folder": 3}), "has a damaged cell"),
         *(
@@ -133,7 +133,9 @@ def test_duplicates_are_named_and_the_first_is_kept(make_runs, tmp_path):
     edit_options(second, schedule_epochs=7, preset="laptop")  # nor a schedule, and a preset is only a name
     # the same folder by several paths is no duplicate
     results = read_results([first, tmp_path / "runs", tmp_path / "runs" / ".." / "runs"])
-    assert results.faults == (f"{second} is a duplicate of {first}: the same config; left out",)
+    assert results.faults == (
+        f"{second} is a duplicate of {first}: all options that affect results are equal; left out",
+    )
     assert list(results.runs["run"]) == ["stack2-sac-0"]
     # a complete run is no duplicate of one that is damaged, nor of one that is partial
     (first / "result.json").unlink()
@@ -161,9 +163,9 @@ def test_paths_that_give_nothing_are_named(make_runs, tmp_path):
     assert results.evaluations.empty
     assert results.absent == results.faults
     assert results.absent == (
-        f"{tmp_path / 'none'} is no run folder: it does not exist",
-        f"{tmp_path / 'empty'} is no run folder: it has no config.json, nor has a folder in it",
-        f"{tmp_path / 'file'} is no run folder: it is no folder",
+        f"{tmp_path / 'none'} does not exist",
+        f"{tmp_path / 'empty'} has no config.json, and neither has any folder in it",
+        f"{tmp_path / 'file'} is a file, not a folder",
         f"{partial} is partial: it has no result.json; left out",
     )
 

@@ -71,7 +71,7 @@ def test_a_lengthened_run_replaces_the_shorter_one(make_runs, tmp_path, out, und
         publish([tmp_path / "before"], out)
     (other,) = make_runs(methods=("sac",), seeds=1, epochs=7, success=known, suffix="-other")  # with other first rows
     shutil.copytree(other, out.parents[1] / "other" / "stack2-sac-0")
-    with pytest.raises(ValueError, match=r"needs a name of its own"):
+    with pytest.raises(ValueError, match=r"needs a unique name"):
         publish([tmp_path / "before", out.parents[1] / "other"], out.with_name("v3"))
 
 
@@ -81,7 +81,7 @@ def test_what_is_derived_is_there(make_runs, out, cli):
     assert code == 0
     first, *_, last, lacking = printed.splitlines()
     assert (first, last) == (f"{out / 'runs.csv'}: 6 rows", str(out / "report.html"))
-    assert lacking == "no agent of stack2 sac, stack2 mihm: no run has a checkpoint"
+    assert lacking == "no agent of stack2 sac, stack2 mihm: runs without a checkpoint"
     suffixes = {path.suffix for path in (out / "tables").iterdir()}
     assert suffixes == {".txt", ".md", ".tex", ".csv"}
     assert (out / "figures" / "stack2-learning-curves.pdf").stat().st_size > 1000
@@ -91,13 +91,13 @@ def test_what_is_derived_is_there(make_runs, out, cli):
 def test_refuses_every_fault_and_the_same_name_twice(make_runs, out, undrawn):
     runs = make_runs(seeds=1)
     (out.parents[1] / "runs" / "notes").mkdir()
-    with pytest.raises(ValueError, match=r"^not published: .*notes is no run folder"):
+    with pytest.raises(ValueError, match=r"^not published: .*notes is not a run folder"):
         publish([out.parents[1] / "runs"], out)
     copy = Path(shutil.copytree(runs[0], out.parents[1] / "other" / runs[0].name))
     with pytest.raises(ValueError, match="is a duplicate of"):
         publish([*runs, copy], out)
     edit_options(copy, seed=7)
-    with pytest.raises(ValueError, match="needs a name of its own"):
+    with pytest.raises(ValueError, match="needs a unique name"):
         publish([*runs, copy], out)
     with pytest.raises(ValueError, match="name at least one run folder"):
         publish([], out)
@@ -108,13 +108,13 @@ def test_refuses_code_that_is_no_commit_unless_allowed(make_runs, out, undrawn):
     runs = make_runs(seeds=1)
     edit_versions(runs[0], git_commit="c0ffee-dirty")
     edit_versions(runs[1], git_commit=None)
-    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee-dirty; .*mihm-0 is of an unknown"):
+    with pytest.raises(ValueError, match=r"sac-0 .* changes \(commit c0ffee-dirty\); .*mihm-0 .* an unknown"):
         publish(runs, out)
     edit_versions(runs[0], git_commit="c0ffee")
     lengthen(runs[0], git_commit="badcafe-dirty")
     edit_versions(runs[1], git_commit="c0ffee")
     lengthen(runs[1], git_commit=None)
-    with pytest.raises(ValueError, match=r"sac-0 is of the altered commit c0ffee badcafe-dirty; .*is of an unknown"):
+    with pytest.raises(ValueError, match=r"sac-0 .* changes \(commit c0ffee badcafe-dirty\); .*from an unknown"):
         publish(runs, out)
     assert not out.exists()
     publish(runs, out, allow_dirty=True)
@@ -132,10 +132,10 @@ def test_keeps_other_files_and_all_published_runs(make_runs, out, undrawn):
     assert len(load(out).runs) == 4
     assert (out / "README.md").read_text() + (out / "notes" / "a.txt").read_text() == "by handkept"
     before = files(out)
-    with pytest.raises(ValueError, match="stack2-mihm-1 would be lost; --replace"):
+    with pytest.raises(ValueError, match="stack2-mihm-1 would be lost; overwrite with --replace"):
         publish(runs[:3], out)
     edit_rows(runs[0] / "evaluations.csv", lambda rows: rows.assign(steps=rows["steps"] + (rows["epoch"] == 1)))
-    with pytest.raises(ValueError, match="its run stack2-sac-0 would get other numbers; --replace"):
+    with pytest.raises(ValueError, match="its run stack2-sac-0 would get other numbers; overwrite with --replace"):
         publish(runs, out)
     assert files(out) == before
     publish(runs[:3], out, replace=True)
@@ -146,14 +146,14 @@ def test_replaces_nothing_but_a_published_set(make_runs, out, undrawn, tmp_path)
     runs = make_runs(seeds=1)
     for place in (tmp_path / "runs", runs[0] / "config.json"):
         before = files(tmp_path)
-        with pytest.raises(ValueError, match="is no published set"):
+        with pytest.raises(ValueError, match="is not a published set"):
             publish(runs, place)
         assert files(tmp_path) == before
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("precious")
-    with pytest.raises(ValueError, match="other exists and is no published set"):
+    with pytest.raises(ValueError, match="other exists and is not a published set"):
         publish(runs, tmp_path / "other")
-    with pytest.raises(ValueError, match="/ is no place for a published set"):
+    with pytest.raises(ValueError, match="/ cannot itself become a set"):
         publish(runs, Path("/"))
     with pytest.raises(ValueError, match=r"^cannot write to /dev/null/v1: "):
         publish(runs, Path("/dev/null/v1"))

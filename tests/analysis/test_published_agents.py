@@ -38,7 +38,7 @@ def out(finished, hybrid, make_runs, tmp_path):
     """A published set with agents of sac and mihm, and rows of icm."""
     folder = tmp_path / "sets" / "v1"
     lines = publish([finished, hybrid, *make_runs(methods=["icm"], seeds=2)], folder, allow_dirty=True)
-    assert lines[-1] == "no agent of stack2 icm: no run has a checkpoint"
+    assert lines[-1] == "no agent of stack2 icm: runs without a checkpoint"
     return folder
 
 
@@ -79,11 +79,11 @@ def test_publishing_again_keeps_agents_and_their_bytes(out, finished, hybrid, ma
     bare = Path(shutil.copytree(hybrid, tmp_path / "hybrid"))
     shutil.rmtree(bare / "checkpoint")
     runs = [finished, bare, *(tmp_path / "runs").iterdir()]
-    with pytest.raises(ValueError, match="its agent stack2-mihm would be lost; --replace"):
+    with pytest.raises(ValueError, match="its agent stack2-mihm would be lost; overwrite with --replace"):
         publish(runs, out, allow_dirty=True)
     publish(runs, out, allow_dirty=True, replace=True)
     assert len(load(out).runs) == 4
-    with pytest.raises(ValueError, match=r"mihm is no published agent; .*v1 has stack2-sac$"):
+    with pytest.raises(ValueError, match=r"mihm is not a published agent; available: .*v1/stack2/sac$"):
         load_agent(out / "stack2" / "mihm")
 
 
@@ -135,13 +135,13 @@ NAN = {"actor.net.out_bias": np.full((1, 8, 1), np.nan, np.float32)}
         (lambda f: edit_options(f, "sac", hidden=9), "cannot use .*size mismatch"),
         (lambda f: edit_options(f, "sac", hidden=10**9), "too small for sac.hidden"),
         (lambda f: edit_options(f, task="stack9"), "unknown task 'stack9'"),
-        (lambda f: edit_options(f, method="os:system"), "no part of curiobench"),
+        (lambda f: edit_options(f, method="os:system"), "is not built in"),
         (lambda f: (f / "config.json").write_text("{"), "cannot read .*config.json"),
     ],
 )
 def test_what_is_wrong_with_an_agent_is_one_line(out, spoil, message):
     spoil(out / AGENTS / "stack2-sac")
-    with pytest.raises(ValueError, match="is not the file that was published"):
+    with pytest.raises(ValueError, match="was changed after publishing"):
         load_agent(out / "stack2" / "sac")
     sign(out)
     with pytest.raises(ValueError, match=message) as caught:
@@ -150,24 +150,24 @@ def test_what_is_wrong_with_an_agent_is_one_line(out, spoil, message):
 
 
 def test_what_there_is_not_is_named(out, finished, cli, monkeypatch, tmp_path):
-    names = "stack2-mihm, stack2-sac"
+    names = f"{out}/stack2/mihm, {out}/stack2/sac"
     for path in ("stack2/icm", "stack3/sac", "../runs", "stack2/..", "stack9/sac"):
-        with pytest.raises(ValueError, match=f"is no published agent; .* has {names}$"):
+        with pytest.raises(ValueError, match=f"is not a published agent; available: {names}$"):
             load_agent(Path(f"{out}/{path}"))
     weights = out / AGENTS / "stack2-sac" / WEIGHTS
     weights.unlink()
     os.mkfifo(weights)
-    with pytest.raises(ValueError, match=r"has stack2-mihm$"):
+    with pytest.raises(ValueError, match=f"available: {out}/stack2/mihm$"):
         load_agent(out / "stack2" / "sac")
     with pytest.raises(ValueError, match="no published results 'v99': available are "):
         load_agent(Path("v99/stack2/sac"))
-    with pytest.raises(ValueError, match="v1 has none, only rows and configs of its runs"):
+    with pytest.raises(ValueError, match="v1 has only rows and configs of its runs, no agents"):
         load_agent(Path("v1/stack2/mihm"))
     for arguments, message in (
-        ((out,), f"--method must name an agent of {out}, which has stack2-mihm"),
-        ((out, "--method", "icm"), f"--method must name an agent of {out}, which has stack2-mihm"),
-        ((out, "--method", "mihm", "--task", "stack3"), "mihm is no published agent; "),
-        ((finished, "--task", "stack2"), f"{finished} is no published set; --task is for these only"),
+        ((out,), f"--method must name an agent of {out}; available: {out}/stack2/mihm"),
+        ((out, "--method", "icm"), f"--method must name an agent of {out}; available: {out}/stack2/mihm"),
+        ((out, "--method", "mihm", "--task", "stack3"), "mihm is not a published agent; "),
+        ((finished, "--task", "stack2"), f"--task is only for published sets, and {finished} is not one"),
     ):
         code, _, err = cli("video", *arguments, "--goal", "close")
         assert (code, err.count("\n")) == (2, 1)

@@ -177,7 +177,7 @@ def test_faults_are_named_on_the_page_and_by_the_command(make_runs, tmp_path, no
     code, stdout, stderr = cli("report", folder, tmp_path / "nowhere", "--out", out)
     assert (code, stdout) == (2, f"{out}\n")
     *lines, last = stderr.splitlines()
-    assert last == f"curiobench: not in the report: {tmp_path / 'nowhere'} is no run folder: it does not exist"
+    assert last == f"curiobench: not in the report: {tmp_path / 'nowhere'} does not exist"
     page = Page(out.read_text())
     assert len(lines) == 3
     assert {line.removeprefix("curiobench: ") for line in lines} <= set(page.texts["li"])

@@ -10,7 +10,7 @@ from curiobench.analysis import rows
 from curiobench.analysis.frames import read_results
 
 CONFIGS = [
-    (lambda r: r.update(format="other run"), "its format is 'other run'"),
+    (lambda r: r.update(format="other run"), "format is 'other run'"),
     (lambda r: r.update(config_version=99), "its config has version 99; this curiobench reads version 1 only"),
     (lambda r: r.update(config=[]), "it holds no config"),
     (lambda r: r["config"].update(task="stack9"), "unknown task 'stack9'"),
@@ -26,7 +26,7 @@ RESULTS = [
     (lambda result: result.update(success=0.5), "result.json says success 0.5"),
     (lambda result: result.update(steps=1), "result.json says steps 1, evaluations.csv 4000"),
     (lambda result: result["learned_by_layer"]["2"].update(learned=2), "disagree in learned_by_layer"),
-    (lambda result: result.update(epochs=3), "it is of 3 epochs, the config of 4"),
+    (lambda result: result.update(epochs=3), "result.json records 3 epochs, config.json 4"),
     (lambda result: result.update(success="high"), "success is 'high'; it must be a number"),
     (lambda result: result.update(seconds=float("nan")), "seconds is nan; it must be a number"),
     (lambda result: result.pop("goals"), "goals is None; it must be a number"),
@@ -95,7 +95,7 @@ def test_huge_files_are_not_read(make_runs, tmp_path):
     results = read_results([tmp_path / "runs"])
     assert results.runs.empty
     assert "more than 1,073,741,824 bytes" in results.faults[0]
-    assert "no file of at most 16,777,216 bytes" in results.faults[1]
+    assert "not a regular file, or larger than 16 MiB" in results.faults[1]
 
 
 def test_recorded_texts_are_on_one_line_and_commands_joined(make_runs):

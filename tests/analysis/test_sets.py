@@ -38,7 +38,7 @@ def test_published_sets_are_found_by_name(make_runs, out, monkeypatch, tmp_path)
     monkeypatch.chdir(tmp_path)
     assert read_results([Path("v1")]).runs.equals(load(out).runs)
     Path("v1").mkdir()  # a folder of that name comes first
-    assert "v1 is no run folder" in read_results([Path("v1")]).faults[0]
+    assert "v1 has no config.json" in read_results([Path("v1")]).faults[0]
 
 
 def test_an_installed_package_has_its_sets_inside(make_runs, tmp_path, monkeypatch):
@@ -56,7 +56,7 @@ def test_an_altered_file_is_named(make_runs, out, file):
     content = bytearray((out / file).read_bytes())
     content[len(content) // 2] ^= 1
     (out / file).write_bytes(content)
-    with pytest.raises(ValueError, match=f"{file} is not the file that was published"):
+    with pytest.raises(ValueError, match=f"{file} was changed after publishing"):
         load(out)
     if file.endswith(".gz"):
         for damaged in (content, b"plain text"):
@@ -76,10 +76,10 @@ def test_an_altered_file_is_named(make_runs, out, file):
         ("runs.csv", lambda f: f.assign(run="same"), "a run is in runs.csv twice"),
         ("runs.csv", lambda f: f.assign(config="{"), "Expecting property name"),
         ("runs.csv", lambda f: f.iloc[1:], "has rows, but is not in runs.csv"),
-        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of stack2-sac-0 is inf, which cannot be"),
-        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is no name of a run"),
+        ("runs.csv", lambda f: f.assign(hours=np.inf), "hours of run stack2-sac-0 is inf; it must be at least 0"),
+        ("runs.csv", lambda f: f.replace({"run": {"stack2-sac-0": "../x"}}), "is not the name of a run"),
         ("evaluations.csv.gz", lambda f: f[f["epoch"] < 4], "has 3 of 4 epochs and is said to be complete"),
-        ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows; it takes 35"),
+        ("evaluations.csv.gz", lambda f: f.iloc[:-1], "an evaluation has 34 rows, expected 35"),
         ("evaluations.csv.gz", lambda f: f[f["task"] == "stack3"], "has no evaluation"),
         ("progress.csv.gz", lambda f: f.drop(columns="epoch"), "has no column epoch"),
     ],

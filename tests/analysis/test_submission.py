@@ -134,7 +134,7 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
         (
             in_rows(lambda rows: rows.replace({"goal": {"a on b": "b below a"}})),
             "goals",
-            "goal 'b below a', 110 in layer 2, is none of the task's (stack2-sac-0)\ngoal 'a on b'",
+            "goal 'b below a', 110 in layer 2, is not one of the task's (stack2-sac-0)\ngoal 'a on b'",
         ),
         (
             in_rows(lambda rows: rows[rows["epoch"] != 5]),
@@ -146,7 +146,7 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
             OPTIONS,
             "sac.gamma is 0.9, not 0.95 (stack2-sac-0, ",
         ),
-        (each(lambda path: edit_options(path, turbo=True)), OPTIONS, "'turbo' is no option"),
+        (each(lambda path: edit_options(path, turbo=True)), OPTIONS, "'turbo' is not an option"),
         (each(lambda path: edit_options(path, replay=REPLAY)), OPTIONS, "replay.satisfied_cap is missing, not 0.3"),
         (
             lambda f: rewrite(first(f), steps=1000),
@@ -164,8 +164,8 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
         ),
         (
             each(lambda path: edit_versions(path, method_sha256=None), OUTSIDE),
-            "digest of a method from outside",
-            f"none of {OUTSIDE} (",
+            "digest of a method that is not built in",
+            f"no SHA-256 of {OUTSIDE}'s file is recorded (",
         ),
         *(
             (
@@ -190,7 +190,7 @@ def test_faults_that_fail_two_lines(runs):
     found = verdicts(runs)
     assert found["evaluations when they are due"][1].startswith("an unplanned evaluation after epoch 1 (stack2-sac-0,")
     assert "evaluate_every is 2, not 1" in found[OPTIONS][1]
-    assert found["digest of a method from outside"] == ("FAIL", f"2 different files of {OUTSIDE}")
+    assert found["digest of a method that is not built in"] == ("FAIL", f"2 different files define {OUTSIDE}")
 
 
 def test_runs_before_task_versions_were_written_down_are_of_the_first(runs):
@@ -282,5 +282,5 @@ def test_command_without_a_run(tmp_path, check):
     title, first_line, fault, *others = out.splitlines()
     assert (code, title) == (1, "0 runs of no method, compared with the presets")
     assert first_line == "FAIL  every folder holds one whole run"
-    assert fault.startswith(f"      {tmp_path / 'none'} is no run folder")
+    assert fault.startswith(f"      {tmp_path / 'none'} does not exist")
     assert {line.split()[0] for line in others[::2]} == {"skip"}

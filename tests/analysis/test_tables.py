@@ -163,5 +163,5 @@ def test_the_papers_numbers_beside_another_task_are_marked(results):
         *("paper, stack3: 1 layer", "paper, stack3: 2 layers", "paper, stack3: 3 layers", "paper, stack3: total"),
     ]
     assert "the paper's numbers are of stack3, another task than stack2" in made[-1].notes
-    with pytest.raises(ValueError, match="none of the runs is of a method in the paper's tables, which are sac, icm"):
+    with pytest.raises(ValueError, match="no run has a method of the paper's tables, which are sac, icm"):
         paper_tables([])

@@ -56,7 +56,7 @@ def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("my_idea", r"my_idea\.py exists; it is left as it is"),
+        ("my_idea", r"my_idea\.py already exists and was not changed"),
         ("../escape", r"'\.\./escape' cannot name a method: expected letters, digits and _"),
         ("2fast", r"'2fast' cannot name a method"),
         ("class", r"'class' cannot name a method"),
@@ -92,7 +92,8 @@ def test_a_check_that_fails_has_exit_code_1(cli, tmp_path):
     code, out, err = cli("check", "wide:Wide")
     assert (code, err) == (1, "curiobench: wide:Wide fails 1 of 18 properties\n")
     assert "FAIL  reward has shape (B,)\n      expected (64,), found (64, 1)\n" in out
-    assert cli("check", "sac")[::2] == (2, "curiobench: sac has no method to check\n")
+    message = "curiobench: sac is the agent without a curiosity method, so there is nothing to check\n"
+    assert cli("check", "sac")[::2] == (2, message)
     assert cli("check", "rmd")[0] == 2
 
 
@@ -142,7 +143,7 @@ def test_an_installed_method_is_listed_without_importing_it(cli, monkeypatch):
     monkeypatch.setattr(specs, "entry_points", lambda group: [point])
     code, out, _ = cli("list")
     assert code == 0
-    assert re.search(r"\n  mine +from outside: nowhere:Mine\n", out)
+    assert re.search(r"\n  mine +not built in: nowhere:Mine\n", out)
 
 
 def test_a_run_folder_does_not_decide_which_code_runs(cli, tmp_path):
@@ -155,7 +156,7 @@ def test_a_run_folder_does_not_decide_which_code_runs(cli, tmp_path):
     for command in (("evaluate", "run"), ("video", "run", "--goal", "a on b"), ("probe", "run")):
         code, _, err = cli(*command)
         assert code == 2
-        assert err.startswith(f"curiobench: run: its method {spec} is no part of curiobench; --method {spec} allows")
+        assert err.startswith(f"curiobench: run: the method {spec} is not built in; add --method {spec} to allow")
     code, out, _ = cli("table", "run")
     assert code == 0
     assert spec in out
@@ -218,10 +219,10 @@ def test_a_package_brings_its_own_curriculum_and_its_own_relabelling(cli, tmp_pa
         assert (record["config"]["method"], record["config"]["method_config"]) == (spec, {})
         assert record["versions"]["method_file"] == str(tmp_path / "my_goals.py")
     assert read_rows(tmp_path / "First" / "progress.csv")[-1]["first_episodes"] == "8"
-    with pytest.raises(ValueError, match="First is no part of curiobench"):
+    with pytest.raises(ValueError, match="First is not built in"):
         load_agent(tmp_path / "First")
     code, _, err = cli("train", *FLAGS, "--method", "my_goals:First+hm", "--out", "hm")
-    assert (code, "the hybrid mechanism needs a curiosity method" in err) == (2, True)
+    assert (code, "+hm needs a method with an intrinsic reward" in err) == (2, True)
     code, _, err = cli("train", *FLAGS, "--method", "my_goals:Beyond", "--out", "beyond")
     assert code == 1
     assert re.search(r"Beyond in .*my_goals\.py: draw\(\) returned steps that are .*; expected 0 to 49", err)

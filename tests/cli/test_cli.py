@@ -81,8 +81,8 @@ def test_list_shows_all_that_can_be_trained(cli):
         (["trian"], "unknown command 'trian': did you mean 'train'? the commands are list, train"),
         (["train", "--task", "stack9", "--out", "/tmp/none"], "unknown task 'stack9'"),
         (["train", "--worlds", "-3", "--out", "/tmp/none"], "worlds is -3"),
-        (["evaluate", "/tmp/none"], "/tmp/none is no run folder: it does not exist"),
-        (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none is no run folder"),
+        (["evaluate", "/tmp/none"], "/tmp/none does not exist"),
+        (["video", "/tmp/none", "--goal", "a on b"], "/tmp/none does not exist"),
         (["table"], "name at least one run folder"),
         (["table", "x", "--format", "html"], "invalid choice 'html'"),
         (["table", "x", "--formt", "html"], "Unrecognized options: --formt, html; perhaps you meant --format"),
@@ -154,7 +154,7 @@ def test_train_from_the_command_line(cli, finished, tmp_path):
     assert numbers(tmp_path / "run") == numbers(finished)
     code, out, err = cli("train", "--out", tmp_path / "run", "--resume")
     assert (code, out) == (2, "")
-    assert re.fullmatch(r"curiobench: .*already finished[^\n]*\n", err)
+    assert re.fullmatch(r"curiobench: .*is finished[^\n]*\n", err)
 
 
 @pytest.mark.slow

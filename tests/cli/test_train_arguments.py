@@ -71,7 +71,7 @@ def test_settings_of_a_method_come_from_the_command_line_and_survive_json():
     assert parsed.method_config.k == 5
     assert RunConfig.from_json(json.loads(json.dumps(parsed.to_json()))) == parsed
     default = parse_train(["--out", "x", "--method", "re3+hm"]).config
-    assert differences(default, parsed) == ["method_config.k is 3, not 5"]
+    assert differences(default, parsed) == ["method_config.k is 3 there, 5 was requested"]
     assert default.fingerprint() != parsed.fingerprint()
 
 

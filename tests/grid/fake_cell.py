@@ -30,9 +30,9 @@ def main() -> None:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        fail(f"{out} is already running, in process 1", 2)
+        fail(f"the run in {out} is already running, in process 1", 2)
     if (out / "result.json").exists():
-        fail(f"{out} is already finished", 2)
+        fail(f"the run in {out} is finished", 2)
     with open(out / "starts", "a") as file:
         file.write(f"{os.getpid()} {os.environ['OMP_NUM_THREADS']}\n")
     starts = len((out / "starts").read_text().splitlines())

@@ -60,9 +60,9 @@ def test_flags_override_the_file(yaml):
     ("text", "message"),
     [
         ("tasks: [stack2", "line 1: expected"),
-        ("methods: [a]\ntasks: [a]\nmethods: [b]", "line 1: the key 'methods' is there twice"),
-        ("options: {epochs: 1, epochs: 2}", "the key 'epochs' is there twice"),
-        ("options: {batch-size: 1, batch_size: 2}", "the option 'batch-size' is there twice"),
+        ("methods: [a]\ntasks: [a]\nmethods: [b]", "line 1: the key 'methods' is given more than once"),
+        ("options: {epochs: 1, epochs: 2}", "the key 'epochs' is given more than once"),
+        ("options: {batch-size: 1, batch_size: 2}", "the option 'batch-size' is given more than once"),
         ("task: stack2", "unknown key 'task'; the keys are tasks, methods, seeds"),
         ("tasks: stack2", "tasks is 'stack2'; expected a list of names"),
         ("methods: [no]", "methods is a list; expected a list of names"),
@@ -72,7 +72,7 @@ def test_flags_override_the_file(yaml):
         ("options: [epochs]", "options is a list; expected keys with values"),
         ("options: {sac: {gamma: 1}}", "options: sac is a mapping; expected a number"),
         ("options: {on: 2}", "the key True is True; put it in quotes"),
-        ("variants: {../up: {}}", "variant '../up': a name is made of"),
+        ("variants: {../up: {}}", "variant '../up': names use letters"),
         ("variants: {}", "variants is empty"),
         ("variants: {a: 1}", "variant a is '1'; expected keys with values"),
         ("- a", "the file is a list"),
@@ -138,14 +138,14 @@ def test_a_file_that_is_not_there(tmp_path):
     ("flags", "message"),
     [
         (["--methods", "sac"], "the grid has no tasks: name some by --tasks"),
-        (["--tasks", "stack2", "--methods", "sac,icm,sac"], "methods names sac twice"),
+        (["--tasks", "stack2", "--methods", "sac,icm,sac"], "methods: sac is given more than once"),
         (["--tasks", "stack2", "--methods", "sac", "--seeds", "0"], "the grid has no seeds"),
-        (["--tasks", "stack2", "--methods", "sac", "--seeds", "-1,2"], "seeds holds -1"),
+        (["--tasks", "stack2", "--methods", "sac", "--seeds", "-1,2"], "seeds has -1"),
         (["--tasks", "stack2", "--methods", "sac", "--seeds", "few"], "seeds is 'few'"),
-        (["--tasks", "stack2", "--methods", "sac", "--seeds", "99999999999"], "99999999999 of them, 1000 at most"),
-        (["--tasks", "stack2", "--methods", "sac", "--seeds", "2147483648,"], "seeds holds 2147483648; a seed lies"),
+        (["--tasks", "stack2", "--methods", "sac", "--seeds", "99999999999"], "99999999999 seeds, at most 1000"),
+        (["--tasks", "stack2", "--methods", "sac", "--seeds", "2147483648,"], "seeds has 2147483648; a seed must be"),
         (["--tasks", "stack2", "--methods", "sac", "--options", "epochs"], "options: 'epochs' has no value"),
-        (["--tasks", "stack2", "--methods", "sac", "--options", "epochs=1,epochs=2"], "'epochs' is there twice"),
+        (["--tasks", "stack2", "--methods", "sac", "--options", "epochs=1,epochs=2"], "'epochs' is given more than"),
     ],
 )
 def test_faulty_flags(flags, message):
@@ -196,8 +196,8 @@ def test_the_command_of_a_cell_gives_its_config(tmp_path):
         (Grid(["stack2"], ["sac"], options={"help": ""}), "unknown option 'help'"),
         (Grid(["stack2"], ["sac"], options={"tyro-write-completion": "x"}), "unknown option 'tyro-write-completion'"),
         (Grid(["stack2"], ["sac"], options={"out": "/tmp/x"}), "unknown option 'out'"),
-        (Grid(["stack2"], ["sac"], options={"seed": 3}), "seed is an axis of the grid; use seeds"),
-        (Grid(["stack2"], ["sac"], options={"robot": "fetch"}), "robot has a key and a flag of its own"),
+        (Grid(["stack2"], ["sac"], options={"seed": 3}), "seed cannot be given in options; use --seeds"),
+        (Grid(["stack2"], ["sac"], options={"robot": "fetch"}), "robot cannot be given in options; use --robot"),
         (Grid(["stack2"], ["sac"], options={"epochs": "--resume"}), "stack2 sac: "),
         (Grid(["stack2"], ["sac"], options={"epochs": True}), "stack2 sac: "),
         (Grid(["stack2"], ["sac"], options={"epochs": -3}), "stack2 sac: epochs is -3; it must be at least 1"),
@@ -235,7 +235,7 @@ def test_the_record_of_a_folder_holds_the_cells_of_all_its_grids(tmp_path):
 
 def test_a_damaged_record_is_named_and_kept(tmp_path):
     (tmp_path / GRID_FILE).write_text('{"format": "x"}')
-    with pytest.raises(ValueError, match=r"grid\.json is not a grid's"):
+    with pytest.raises(ValueError, match=r"grid\.json was not written by `curiobench grid`"):
         write_record(tmp_path, make_cells(tmp_path), [])
     assert (tmp_path / GRID_FILE).read_text() == '{"format": "x"}'
 

@@ -12,7 +12,7 @@ import pytest
         (["--methods", "sac"], "the grid has no tasks"),
         (["--tasks", "stack2", "--methods", "sac", "--jobs", "0"], "jobs is 0; it must be at least 1"),
         (["--tasks", "stack2", "--methods", "sac", "--retries", "-1"], "retries is -1"),
-        (["--tasks", "stack2", "--methods", "sac", "--address", "auto"], "--address is of --launcher ray"),
+        (["--tasks", "stack2", "--methods", "sac", "--address", "auto"], "--address needs --launcher ray"),
     ],
 )
 def test_bad_input_takes_one_line_and_starts_nothing(cli, tmp_path, arguments, message):

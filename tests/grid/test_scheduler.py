@@ -87,7 +87,7 @@ def test_a_folder_with_another_config_is_left_alone(cells, capsys):
     assert list(cells[0].path.iterdir()) == [cells[0].path / "config.json"]
     assert (cells[0].path / "config.json").read_bytes() == before
     assert "stack2-sac-0: left alone: " in (out := capsys.readouterr().out)
-    assert "has another config: epochs is 9, not 5" in out
+    assert "has other options: epochs is 9 there, 5 was requested" in out
     assert sum(state is State.FINISHED for state in states(scheduler).values()) == 3
 
 
@@ -106,7 +106,8 @@ def test_a_shorter_run_is_extended_where_its_replay_is_kept(cells):
 
 
 @pytest.mark.parametrize(
-    ("method", "message"), [("icm", "method is 'icm', not 'sac'"), ("os:system", "its method os:system is no part")]
+    ("method", "message"),
+    [("icm", "is 'icm' there, 'sac' was requested"), ("os:system", "method os:system is not built in")],
 )
 def test_a_folder_with_another_method_is_a_conflict(cells, method, message):
     config = cells[1].config.to_json() | {"method": method}

@@ -1,4 +1,4 @@
-"""Methods from outside: how a spec finds them, errors where it does not, and faults while they train."""
+"""Methods that are not built in: how a spec finds them, errors where it does not, and faults while they train."""
 
 import hashlib
 import sys

@@ -46,9 +46,10 @@ def test_settings_of_the_mechanism_reach_the_agent():
 
 
 def test_the_hybrid_mechanism_needs_a_curiosity_method():
-    message = r"'sac\+hm': the hybrid mechanism needs a curiosity method; available: sac, icm"
-    with pytest.raises(ValueError, match=message):
-        parse_spec("sac+hm")
+    for name in ("sac", "decstr"):
+        message = rf"'{name}\+hm': \+hm needs .* intrinsic reward, and {name} has none; use one of icm\+hm, rnd\+hm"
+        with pytest.raises(ValueError, match=message):
+            parse_spec(f"{name}+hm")
 
 
 @pytest.mark.parametrize(

@@ -274,10 +274,10 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
     capsys.readouterr()
     for arguments, message in (
         ([], "name at least one run folder"),
-        ([tmp_path / "none"], "is no run folder: it does not exist"),
+        ([tmp_path / "none"], "none does not exist"),
         ([finished], f"left out {finished}: sac has no intrinsic reward"),
         ([unstarted], "has no checkpoint yet"),
-        ([runs["rnd"], other], "only runs of one task and robot compare"),
+        ([runs["rnd"], other], "runs need the same task and robot"),
         ([runs["rnd"], runs["rnd"]], "named twice"),
         ([runs["rnd"], "--starts", 0], "starts is 0"),
         ([runs["rnd"], "--among", "replay"], f"{runs['rnd']} has no replay any more"),

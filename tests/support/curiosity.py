@@ -40,6 +40,8 @@ def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transiti
         particles,
         achieved_goal=goals[rows, step],
         next_achieved_goal=goals[rows, step + 1],
+        raw_state=parts[0],
+        raw_next_state=parts[2],
         step=step,
         episode=rows,
         episode_states=states,

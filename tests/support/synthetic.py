@@ -61,7 +61,7 @@ def write_runs(
     Args:
         folder: where; each run folder is `TASK-METHOD-SEED` + `suffix` in it.
         tasks: of the runs.
-        methods: specs; one from outside, such as `pkg.mod:Class`, need not exist.
+        methods: specs; one that is not built in, such as `pkg.mod:Class`, need not exist.
         seeds: or how many from 0 on.
         epochs: of the runs, with an evaluation after each and one before the first.
         success: see `Success`.

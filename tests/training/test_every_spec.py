@@ -48,7 +48,7 @@ def test_repeats_itself_and_resumes_to_the_bit(tmp_path, monkeypatch, spec):
     train(config, tmp_path / "stopped", resume=True)
     rows, evaluations = numbers(tmp_path / "once")
     own = {name for name in rows[0] if not name.startswith(f"{spec.partition('+')[0]}_")}
-    assert own <= TAKEN  # which no method from outside may use for its metrics
+    assert own <= TAKEN  # which no other method may use for its metrics
     assert int(rows[-1]["updates"]) == UPDATES
     assert (rows, evaluations) == numbers(tmp_path / "stopped")
     assert load_agent(tmp_path / "stopped")[0] == config

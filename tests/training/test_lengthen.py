@@ -95,9 +95,9 @@ def test_a_run_that_cannot_be_extended_is_left_unchanged(finished, short, tmp_pa
     assert read_config(odd) == TINY
     for config, message in (
         (LONGER, None),
-        (replace(LONGER, seed=1), "another config: seed is 0, not 1"),
-        (replace(SHORT, epochs=2), "already finished"),
+        (replace(LONGER, seed=1), "other options: seed is 0 there, 1 was requested"),
+        (replace(SHORT, epochs=2), "is finished"),
     ):
-        with pytest.raises(ValueError, match=message or "already finished"):
+        with pytest.raises(ValueError, match=message or "or --resume with a larger --epochs"):
             RunFolder(short, config, resume=message is not None)
     assert (short / "result.json").exists()

@@ -58,13 +58,17 @@ def test_is_used_by_one_process_at_a_time_until_that_is_killed(tmp_path):
 
 def test_what_is_there_already_is_named(finished, tmp_path):
     RunFolder(tmp_path, TINY, resume=False).close()
-    with pytest.raises(ValueError, match="exists; use --resume"):
+    with pytest.raises(ValueError, match="holds an unfinished run; add --resume"):
         RunFolder(tmp_path, TINY, resume=False)
-    with pytest.raises(ValueError, match="another config: epochs is 3, not 2"):
+    with pytest.raises(ValueError, match="other options: epochs is 3 there, 2 was requested"):
         RunFolder(tmp_path, replace(TINY, epochs=2), resume=True)
     for resume in (False, True):
-        with pytest.raises(ValueError, match="already finished"):
+        with pytest.raises(ValueError, match=r"is finished .*; choose another --out$"):  # its replay is gone
             RunFolder(finished, TINY, resume)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "a.txt").touch()
+    with pytest.raises(ValueError, match=r"other is not empty and is not a run folder \(it holds 'a.txt'"):
+        RunFolder(tmp_path / "other", TINY, resume=True)
 
 
 def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path):
@@ -93,7 +97,7 @@ def test_a_folder_without_rights(tmp_path):
         ("{", "cannot read"),
         ("[]", "JSON object"),
         ("\udcff", "cannot read"),
-        ("{}", "not a run's"),
+        ("{}", "was not written by `curiobench train`: format is None"),
         (json.dumps({"format": "curiobench run"}), "version None"),
         (json.dumps({"format": "curiobench run", "config_version": 0, "config": {}}), "version 0"),
         (json.dumps({"format": "curiobench run", "config_version": CONFIG_VERSION, "config": {"x": 1}}), "field x"),
