@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from curiobench.display import align
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE
 from curiobench.rollout import play, policy, successes
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.registration import task_spec
+from curiobench.terminal import align
 
 MAX_WORLDS = 256
 """Test episodes stepped together. Part of the protocol: it decides which start each episode gets."""

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TextIO
 
 ROOM = 30
@@ -54,3 +54,14 @@ def described(lines: Mapping[str, str], columns: int | None) -> str:
     else:
         shown = (f"  {name}\n{wrapped(text, columns, ' ' * 4, ' ' * 4)}" for name, text in lines.items())
     return "\n".join(shown)
+
+
+def align(lines: Sequence[Sequence[str]], left: int) -> str:
+    """Columns side by side, the first `left` of them flush left."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if i < left else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    )

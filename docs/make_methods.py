@@ -10,8 +10,8 @@ from sections import markdown, replace_section
 
 from curiobench.analysis import load
 from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
+from curiobench.analysis.colours import COLOURS
 from curiobench.analysis.frames import Results
-from curiobench.analysis.style import COLOURS
 from curiobench.run_folder import read_json, read_rows
 
 RESULTS = DOCS.parent / "results"

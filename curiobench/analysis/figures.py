@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.analysis.canvas import FORMATS, save_figure
+from curiobench.analysis.colours import base
 from curiobench.analysis.comparison import draw_comparison, draw_heat_map
 from curiobench.analysis.frames import Results
 from curiobench.analysis.lines import Axis, Panel, draw_lines
 from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import performance_profile, seed_warnings
-from curiobench.analysis.style import base, caption, layer_in_words, method_name, seeds_in_words, theme
+from curiobench.analysis.style import caption, layer_in_words, method_name, seeds_in_words, theme
 from curiobench.analysis.variants import count_partial
 from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map

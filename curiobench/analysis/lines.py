@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.analysis.canvas import new_figure
+from curiobench.analysis.colours import base
 from curiobench.analysis.samples import Sample
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, base, labels, method_name, styles
+from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, labels, method_name, styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from curiobench.analysis.colours import line_styles
 from curiobench.analysis.frames import Results, place_of
 from curiobench.analysis.statistics import area_under_curve
-from curiobench.analysis.style import line_styles
 from curiobench.analysis.variants import scale_of
 
 LOGGED = ("share_exploitation", "bonus_spread")  # columns of progress.csv that figures draw

@@ -1,36 +1,18 @@
-"""Names, colours and line styles of methods, and the theme of all figures.
-
-A curiosity method has one colour, solid with the hybrid mechanism, dashed without. The colours are Okabe and Ito's
-(2008), which differ for colour-blind readers too; methods beyond the paper's have Paul Tol's.
-"""
+"""Names and markers of methods in figures, and the theme of all figures."""
 
 import textwrap
-import zlib
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from curiobench.analysis.canvas import import_matplotlib, matplotlib_settings
-from curiobench.methods.specs import BUILT_IN, canonical, split
+from curiobench.analysis.colours import base
+from curiobench.analysis.samples import Sample
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from curiobench.analysis.samples import Sample
-
-_PALETTE = (
-    *("#000000", "#E69F00", "#56B4E9", "#CC79A7", "#009E73", "#D55E00"),
-    *("#332288", "#882255", "#44AA99", "#999933", "#AA4499", "#6699CC", "#997700"),
-    *("#DDCC77", "#EE99AA", "#117733", "#004488", "#994455"),
-)
-COLOURS = dict(zip(("sac", *BUILT_IN), _PALETTE, strict=False))
-"""Colours of the built-in methods by spec, without `+hm`; beyond the palette they are chosen as for other methods."""
-OUTSIDE = (
-    *("#0072B2", "#0000FF", "#00C300", "#FF0FFF", "#FF005A", "#965AFF"),
-    *("#3C4B1E", "#E19678", "#782D0F", "#FF00A5", "#0F7800", "#A596FF"),
-)
-"""Colours of methods that are not built in, far from those above and from each other."""
 GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of lines in the background."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
@@ -40,28 +22,7 @@ _MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P
 _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")
 
 
-def line_styles(specs: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Colour and line style of each method spec among all that are shown together, as keywords of `Axes.plot`."""
-    specs = set(specs)
-    colours = COLOURS | _outside_colours({base(spec) for spec in specs} - COLOURS.keys())
-    return {
-        spec: {"color": colours[name], "linestyle": "-" if hybrid or name == "sac" else "--"}
-        for spec in specs
-        for name, hybrid in [split(canonical(spec))]
-    }
-
-
-def _outside_colours(names: Collection[str]) -> dict[str, str]:
-    """Colours by a hash of the name, so that all figures use the same; the next one if a colour is taken."""
-    found: dict[str, str] = {}
-    for name in sorted(names):
-        first = zlib.crc32(name.encode()) % len(OUTSIDE)
-        order = OUTSIDE[first:] + OUTSIDE[:first]
-        found[name] = next((colour for colour in order if colour not in found.values()), order[0])
-    return found
-
-
-def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
+def styles(samples: Sequence[Sample]) -> dict[Sample, dict[str, Any]]:
     """Keywords of `Axes.plot` for each sample: its method's colour and dashes, and a marker.
 
     The marker is the method's. If two samples would look the same, the second gets another one. Markers are filled with
@@ -80,7 +41,7 @@ def styles(samples: Sequence["Sample"]) -> dict["Sample", dict[str, Any]]:
     return found
 
 
-def labels(samples: Sequence["Sample"]) -> dict["Sample", str]:
+def labels(samples: Sequence[Sample]) -> dict[Sample, str]:
     """Name of each sample: method, variant, and number of seeds if samples differ in it.
 
     Methods that are not built in and would share a name keep their full spec.
@@ -101,17 +62,12 @@ def method_name(spec: str) -> str:
     return spec.rpartition(":")[2]
 
 
-def base(spec: str) -> str:
-    """The curiosity method in a spec, without the hybrid mechanism: `mi` for `mihm`."""
-    return split(canonical(spec))[0]
-
-
 def count(number: int, noun: str) -> str:
     """A number of things: "1 run", "27 runs"."""
     return f"{number:,} {noun}" + "s" * (number != 1)
 
 
-def seeds_in_words(samples: Sequence["Sample"]) -> str:
+def seeds_in_words(samples: Sequence[Sample]) -> str:
     """Numbers of seeds: "2 seeds", "1 to 3 seeds"."""
     low, high = (end(sample.n_seeds for sample in samples) for end in (min, max))
     return count(low, "seed") if low == high else f"{low} to {count(high, 'seed')}"

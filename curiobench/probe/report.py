@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from curiobench.analysis.canvas import matplotlib_settings
-from curiobench.analysis.style import line_styles
-from curiobench.display import align
+from curiobench.analysis.colours import line_styles
 from curiobench.files import writing_to
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.reward import Batch
@@ -25,6 +24,7 @@ from curiobench.probe.scores import (
     read,
 )
 from curiobench.probe.steps import falling, lifting
+from curiobench.terminal import align
 
 
 def probe(

@@ -7,9 +7,10 @@ import pytest
 from plots import lines
 from synthetic import LONG, NINE, uneven
 
+from curiobench.analysis.colours import COLOURS, OUTSIDE, line_styles
 from curiobench.analysis.figures import draw_learned, draw_success
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import COLOURS, OUTSIDE, line_styles, theme
+from curiobench.analysis.style import theme
 
 
 def seen_ticks(axes):
