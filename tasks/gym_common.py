@@ -64,7 +64,8 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
         raise ValueError(f"{n} worlds need one goal or {n}, got {len(goals)}")
     biased = np.asarray(options.get("biased", False))
     if biased.shape not in ((), (n,)) or not np.isin(biased, (False, True)).all():
-        raise ValueError(f"biased must be one bool or a list of {n} bools, got {options['biased']!r}")
+        several = f" or a list of {n} bools" if n > 1 else ""
+        raise ValueError(f"biased must be a bool{several}, got {options['biased']!r}")
     bits = np.array([space.goals[0] if goal is None else space.parse(goal) for goal in goals])
     return {
         "next_goal": np.broadcast_to(bits, (n, space.n_bits)).copy(),

@@ -13,7 +13,7 @@ import torch
 from states import same_state
 from tiny_runs import TINY
 
-from curiobench.analysis import style
+from curiobench.analysis import colours
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
 from curiobench.methods.reward import Batch
@@ -240,8 +240,8 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
         if file.suffix != ".csv":
             assert file.stat().st_size > 10_000, file
         if file.suffix == ".png":
-            assert shows(file, style.COLOURS["mi"]), file
-            assert shows(file, style.COLOURS["rnd"]) == file.name.startswith("rewards"), file
+            assert shows(file, colours.COLOURS["mi"]), file
+            assert shows(file, colours.COLOURS["rnd"]) == file.name.startswith("rewards"), file
     with open(tmp_path / "one" / "numbers.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * len(SCRIPTED_EPISODES) * STARTS * 50
@@ -292,7 +292,7 @@ def test_bad_input_takes_one_line(cli, runs, finished, tmp_path, capsys):
 
 
 def test_every_method_has_its_own_line_style():
-    looks = style.line_styles(available_specs())
+    looks = colours.line_styles(available_specs())
     mihm = looks.pop("mihm")
     assert len({(look["color"], look["linestyle"]) for look in looks.values()}) == len(looks)
     assert looks["mi+hm"] == mihm

@@ -87,7 +87,7 @@ def test_goal_functions_give_what_steps_do_and_episodes_are_truncated(env):
         (lambda e: e.reset(options={"gaol": "a on b"}), "unknown reset option 'gaol'"),
         (lambda e: e.reset(options={"goal": "a on z"}), "no block 'z'"),
         (lambda e: e.reset(options={"goal": ["a on b", "b on a"]}), "1 worlds need one goal or 1, got 2"),
-        (lambda e: e.reset(options={"biased": "yes"}), "biased is a bool"),
+        (lambda e: e.reset(options={"biased": "yes"}), "biased must be a bool, got 'yes'"),
         (lambda e: e.reset(options={"reset_mask": np.array([True])}), "unknown reset option 'reset_mask'"),
         (lambda e: (e.reset(), e.unwrapped.step(np.array([0, 0, 0, 7.0]))), "7.0 in entry 3"),
     ],

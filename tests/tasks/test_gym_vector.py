@@ -153,7 +153,7 @@ def test_gymnasiums_vector_wrappers_take_it():
         (lambda v: make_vec(max_episode_steps=0), "max_episode_steps is at least 1, or -1 for no end, got 0"),
         (lambda v: v.reset(options={"goal": ["b on a", "all close"]}), "3 worlds need one goal or 3, got 2"),
         (lambda v: v.reset(options={"goal": np.zeros((2, 3))}), "3 worlds need one goal or 3, got 2"),
-        (lambda v: v.reset(options={"biased": [True, False]}), "biased must be one bool or a list of 3 bools"),
+        (lambda v: v.reset(options={"biased": [True, False]}), "biased must be a bool or a list of 3 bools"),
         (lambda v: v.reset(options={"reset_mask": [1, 0, 0]}), r"reset_mask must be 3 bools.*\[1, 0, 0\]"),
         (lambda v: v.reset(options={"reset_mask": np.array([True, False])}), "reset_mask must be 3 bools"),
         (lambda v: v.reset(options={"reset_mask": np.zeros(3, bool)}), "at least one of them True"),
