@@ -90,11 +90,17 @@ def utf8(text: str) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
+def check_size(path: Path, most: float) -> None:
+    """Raises ValueError unless a path is a regular file of at most `most` bytes."""
+    if not (path.is_file() and path.stat().st_size <= most):
+        raise ValueError(f"not a regular file, or larger than {most / 2**20:g} MiB")
+
+
 def read_json(path: Path, most: float = MAX_JSON_BYTES) -> dict[str, Any]:
     """Read a JSON object from a file of at most `most` bytes; otherwise raise ValueError naming the file."""
     try:
-        if path.exists() and not (path.is_file() and path.stat().st_size <= most):
-            raise ValueError(f"not a regular file, or larger than {most / 2**20:g} MiB")
+        if path.exists():
+            check_size(path, most)
         values = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"cannot read {path}: {error}") from None

@@ -15,6 +15,7 @@ from safetensors.torch import load, save
 from curiobench.analysis.folders import WEIGHTS
 from curiobench.build import pair_layout
 from curiobench.config import RunConfig
+from curiobench.files import check_size
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
@@ -51,8 +52,7 @@ def load_published(folder: Path, trusted: Container[str] = ()) -> tuple[RunConfi
 
 def _content(path: Path) -> bytes:
     try:
-        if not (path.is_file() and path.stat().st_size <= MAX_BYTES):
-            raise ValueError(f"not a regular file, or larger than {MAX_BYTES / 2**20:g} MiB")
+        check_size(path, MAX_BYTES)
         return path.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror) from None

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
-from sections import markdown, replace_section
+from sections import markdown, write_section
 
 DOCS = Path(__file__).parent
 TESTS = DOCS.parent / "tests"
@@ -98,7 +98,7 @@ def draw(robot: str) -> None:
 if __name__ == "__main__":
     page = DOCS / "fidelity.md"
     for name, table in (("robots", robots_table), ("open loop", open_loop_table), ("speed", speed_table)):
-        page.write_text(replace_section(page.read_text(), name, table(), "make fidelity"))
+        write_section(page, name, table(), "make fidelity")
         print(f"measured: {name}", flush=True)
     for robot in ROBOTS:
         draw(robot)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from make_presets import DOCS
 from scipy import stats
-from sections import markdown, replace_section
+from sections import markdown, write_section
 
 from curiobench.analysis import load
 from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
@@ -127,17 +127,12 @@ def learned_table(results: Results, task: str) -> str:
     return markdown([*head, "goals learned", "mean success"], rows)
 
 
-def write_section(page: Path, name: str, table: str) -> None:
-    """Replace a section of a page."""
-    page.write_text(replace_section(page.read_text(), name, table, COMMAND))
-
-
 if __name__ == "__main__":
     sweep, results = read_sweep(), load(RESULTS / "v2")
-    write_section(DOCS / "methods" / "tau.md", "tau", tau_table(sweep))
-    write_section(DOCS / "methods" / "tau.md", "differences", tau_differences(sweep))
+    write_section(DOCS / "methods" / "tau.md", "tau", tau_table(sweep), COMMAND)
+    write_section(DOCS / "methods" / "tau.md", "differences", tau_differences(sweep), COMMAND)
     draw_tau(sweep, DOCS / "images" / "tau.png")
-    write_section(DOCS / "methods" / "before_after.md", "before and after", before_and_after(results))
+    write_section(DOCS / "methods" / "before_after.md", "before and after", before_and_after(results), COMMAND)
     table = final_table(results, ("sac", "mihm", "decstr", "mcher"))
-    write_section(DOCS / "methods" / "table4.md", "table 4", table)
-    write_section(DOCS.parent / "README.md", "stack3", learned_table(results, "stack3"))
+    write_section(DOCS / "methods" / "table4.md", "table 4", table, COMMAND)
+    write_section(DOCS.parent / "README.md", "stack3", learned_table(results, "stack3"), COMMAND)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sections import markdown, replace_section
+from sections import markdown, write_section
 
 from curiobench.run_folder import read_rows
 
@@ -86,4 +86,4 @@ if __name__ == "__main__":
         "biased starts": curve_table(sorted(RUNS.glob("biased/*")), every=8),
     }
     for name, table in tables.items():
-        page.write_text(replace_section(page.read_text(), name, table, "make presets"))
+        write_section(page, name, table, "make presets")

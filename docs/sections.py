@@ -1,5 +1,7 @@
 """Tables that scripts write into pages."""
 
+from pathlib import Path
+
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
     """A table."""
@@ -7,8 +9,8 @@ def markdown(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def replace_section(text: str, name: str, content: str, command: str) -> str:
-    """`text` with what stands between the markers of section `name` replaced."""
+def write_section(page: Path, name: str, content: str, command: str) -> None:
+    """Replace what stands between the markers of section `name` of a page."""
     begin, end = f"<!-- {name}: made by `{command}` -->", f"<!-- end of {name} -->"
-    before, rest = text.split(begin)
-    return before + begin + "\n" + content + "\n" + end + rest.split(end)[1]
+    before, rest = page.read_text().split(begin)
+    page.write_text(before + begin + "\n" + content + "\n" + end + rest.split(end)[1])
