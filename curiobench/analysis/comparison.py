@@ -47,7 +47,7 @@ def _compared(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
     before = task.untrained and task.untrained.success
     success = [
         Metric("at the end", lambda sample: sample.last_success[:, 0], untrained=before),
-        Metric("over training (area under the curve)", lambda sample: sample.area, untrained=before),
+        Metric("over training", lambda sample: sample.area, untrained=before),
     ]
     rows = {"learned goals": learned, "mean success": success}
     figure = new_figure(TEXT_WIDTH, 1.0 + len(rows) * (0.45 + 0.19 * len(samples)))

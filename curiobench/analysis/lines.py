@@ -150,9 +150,12 @@ def _multiples(curves: _Curves, groups: Sequence[Sequence[Sample]], panels: Sequ
 
 
 def _name_of(curves: _Curves, group: Sequence[Sample]) -> str:
-    """Title of a group: its curiosity method, or the name of its sample if it has only one of that method."""
+    """Title of a group: its curiosity method, or the name of its sample if it has only one of that method.
+
+    The legend has the number of seeds.
+    """
     of_method = [sample for sample in group if base(sample.method) == base(group[-1].method)]
-    return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]]
+    return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]].partition(" (")[0]
 
 
 def _grid(figure: "Figure", columns: int, count: int) -> list["Axes"]:

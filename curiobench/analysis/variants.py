@@ -26,7 +26,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Options in which a run differs from others of its task and method, as "sac.tau=0.1, sac.gamma=0.9".
 
     `options` are nested as in config.json, without the machine's. If such runs have several presets, the preset is
-    named, and other options only if they differ within it.
+    named, and other options only if they differ within it. Options that are False are not named.
     """
     flat = [flatten(run) for run in options]
     found = [""] * len(flat)
@@ -36,7 +36,8 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
         for within in _groups(flat, members, "preset"):
             names = named + [name for name in _differing([flat[i] for i in within]) if name != "preset"]
             for i in within:
-                found[i] = ", ".join(f"{_flag(name)}={_word(flat[i][name])}" for name in names if name in flat[i])
+                on = [name for name in names if flat[i].get(name, False) is not False]
+                found[i] = ", ".join(f"{_flag(name)}={_word(flat[i][name])}" for name in on)
     return found
 
 

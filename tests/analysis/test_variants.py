@@ -24,6 +24,7 @@ SMOKE = {"preset": "smoke", "batch_size": 256, "worlds": 32}
         ),
         # but its name alone sets no run apart
         ([SAC, SAC | {"seeds": [1], "options": {"preset": "laptop"}}], ["", ""]),
+        ([MIHM, MIHM | {"options": {"hybrid.adaptive_tau": True}}], ["", "hybrid.adaptive_tau=True"]),
         # plain sac has no schedule of curiosity
         (
             [SAC | {"seeds": [1]}, MIHM, *(m | {"options": {"schedule_epochs": 7}} for m in (SAC, MIHM))],
