@@ -16,7 +16,7 @@ Differences from the authors' code (akakzia/decstr, goal_sampler.py):
 - Their C_b is the success rate of the older half. This looks like a bug: their list runs from the newest test to the
   oldest, and the paper uses recent success.
 - They keep 1,800 tests per bucket, and use them only when there are more than 100. Their runs make some 50,000 tests
-  per bucket, ours with `laptop` 1,400. The defaults here are 200 and 40.
+  per bucket, ours with `laptop` 700. The defaults here are 200 and 40.
 - Each episode is drawn separately as a test or not. In their code one draw decides for all episodes of a worker.
 - Their networks are not part of this method. It uses the agent that all methods share.
 - Their buckets are listed by hand for three blocks. `buckets` computes them by a rule for any number of blocks.

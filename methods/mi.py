@@ -14,10 +14,12 @@ state. The paper argues that a falling block is as rare as a lifted one, but tha
 (docs/probes.md measures whether that is so.) lambda is 0 in epoch 0, so that the agent first explores. sigma_H and
 sigma_C are running standard deviations of the r_H and r_C of past batches.
 
+A deviation: the particles are drawn uniformly from the replay instead of taken from the minibatch. The minibatch is
+balanced over goals: in it a state of a rarely reached goal has as many neighbours as one of a common goal, and is not
+more novel.
+
 What the paper leaves open, and what we chose:
 
-- The particles are drawn uniformly from the replay instead of taken from the minibatch. The minibatch is balanced over
-  goals: in it a state of a rarely reached goal has as many neighbours as one of a common goal, and is not more novel.
 - D_G overflows in many dimensions, so r_C is computed as log m + softplus(log D_G - log m): softplus(log D_G) for
   m = 1. It is about log D_G where the model is sharp, and 0 where log D_G is well below 0. A state that the model
   does not know only loses this bonus, and curiosity decides.
