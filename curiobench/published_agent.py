@@ -15,7 +15,7 @@ from safetensors.torch import load, save
 from curiobench.analysis.folders import WEIGHTS
 from curiobench.build import pair_layout
 from curiobench.config import RunConfig
-from curiobench.files import check_size
+from curiobench.files import check_size, read_content
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.process import tune_process
@@ -44,18 +44,11 @@ def load_published(folder: Path, trusted: Container[str] = ()) -> tuple[RunConfi
     config, path = read_config(folder, trusted), folder / WEIGHTS
     tune_process(config.torch_threads)
     try:
-        return config, _agent(config, _content(path))
+        check_size(path, MAX_BYTES)
+        return config, _agent(config, read_content(path))
     except (SafetensorError, KeyError, ValueError, RuntimeError) as error:
         why = error if isinstance(error, ValueError) else f"{type(error).__name__} {error}"
         raise ValueError(f"cannot use {path}: {' '.join(str(why).split())[:200]}") from None
-
-
-def _content(path: Path) -> bytes:
-    try:
-        check_size(path, MAX_BYTES)
-        return path.read_bytes()
-    except OSError as error:
-        raise ValueError(error.strerror) from None
 
 
 def _agent(config: RunConfig, content: bytes) -> LearningAgent:

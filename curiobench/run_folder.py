@@ -245,12 +245,6 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def method_of(record: dict[str, Any]) -> str:
-    """The method spec in a record, as text; nothing is imported."""
-    config = record.get("config")
-    return str(config.get("method", "")) if isinstance(config, dict) else ""
-
-
 def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
     """The config of a run folder.
 
@@ -262,17 +256,13 @@ def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:
     Raises ValueError as `read_record`, if this version cannot read the config, or if its method is not trusted.
     """
     record = read_record(path)
-    method = method_of(record)
+    config = record.get("config")
+    method = str(config.get("method", "")) if isinstance(config, dict) else ""
     if ":" in method and method not in trusted:
         advice = f"add --method {method} to allow importing its code"
         raise ValueError(f"{path}: the method {method} is not built in; {advice}")
-    return config_of(path, record)
-
-
-def config_of(path: Path, record: dict[str, Any]) -> RunConfig:
-    """The config in the record of a run folder; raises ValueError where this version cannot read it."""
     try:
-        return RunConfig.from_json(record.get("config"), record.get("config_version"))
+        return RunConfig.from_json(config, record.get("config_version"))
     except ValueError as error:
         raise ValueError(f"{path / 'config.json'}: {error}") from None
 

@@ -15,6 +15,7 @@ from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.files import utf8
 from curiobench.methods.guard import MethodError
+from curiobench.methods.plugins import error_line
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
 from curiobench.state import TrainingState, progress_row, result
@@ -53,7 +54,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         except (Interrupted, KeyboardInterrupt):
             raise
         except Exception as error:
-            raise RunFailed(f"{out}: {run.where}: {_first_line(error)}{_kept(out)}") from error
+            raise RunFailed(f"{out}: {run.where}: {error_line(error)}{_kept(out)}") from error
         finally:
             run.display.close()
 
@@ -153,7 +154,7 @@ class TrainingRun:
         try:
             curve = draw_learning_curve(rows, self.folder.path / "learning_curve.png")
         except Exception as error:  # the run is finished, whatever goes wrong with its picture
-            curve = f"not drawn: {_first_line(error)}"
+            curve = f"not drawn: {error_line(error)}"
         self.display.note(f"learning curve: {curve}\nresult: {self.folder.path / 'result.json'}")
         shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
         if not self.config.machine.keep_replay:
@@ -173,8 +174,3 @@ def _kept(out: Path) -> str:
         (out / "error.log").write_bytes(utf8(traceback.format_exc()))
         return f"{kept}; details in {out / 'error.log'}"
     return kept
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

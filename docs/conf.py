@@ -57,6 +57,7 @@ docs/code
 :glob:
 
 v*/README
+v*/agents/README
 ```
 """,
 }
@@ -70,6 +71,7 @@ include_patterns = [
     "docs/*.ipynb",
     "results/README.md",
     "results/v*/README.md",
+    "results/v*/agents/README.md",
 ]
 root_doc = "README"
 myst_enable_extensions = ["html_image"]

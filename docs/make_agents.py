@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from curiobench.analysis.folders import AGENTS, agents_of
-from curiobench.run_folder import method_of, read_record
+from curiobench.run_folder import read_record
 from curiobench.saved_agent import load_agent
 from curiobench.tasks.registration import task_spec
 from curiobench.video import film
@@ -24,8 +24,8 @@ the run of each. Each video shows one episode, from seed 0, with the first of th
 
 def row(folder: Path, name: str) -> str:
     """A row of the table; makes a video of the agent of this name."""
-    record = read_record(folder / AGENTS / name)
-    config, agent = load_agent(folder / record["config"]["task"] / method_of(record))
+    trained = read_record(folder / AGENTS / name)["config"]
+    config, agent = load_agent(folder / trained["task"] / trained["method"])
     space = task_spec(config.task).goal_space
     goal = space.names[int(space.layers.argmax())]
     picture, reached = film(agent, config, goal, PICTURES / f"{name}.webp", folder)

@@ -100,16 +100,16 @@ def before_and_after(results: Results) -> str:
 
 
 def final_table(results: Results, methods: tuple[str, ...]) -> str:
-    """One row per run of stack2: mean success after each epoch, success by layer and goals learned at the end."""
-    layers = results.layers[(results.layers["task"] == "stack2") & results.layers["method"].isin(methods)]
+    """One row per run: mean success at each evaluation, success by layer and goals learned at the end."""
+    layers = results.layers[results.layers["method"].isin(methods)]
     rows = []
     for run, of_run in layers[layers["epoch"] > 0].groupby("run", observed=True):
         means = " · ".join(f"{value:.2f}" for value in of_run[of_run["layer"] == 0]["success"])
         last = last_epochs(of_run).set_index("layer")
         by_layer = " / ".join(f"{value:.2f}" for value in last["success"].drop(0))
         learned = f"{last['learned'][0]} of {last['goals'][0]}"
-        rows.append([str(run).removeprefix("stack2-"), means, by_layer, learned])
-    return markdown(["method and seed", "mean success, epoch by epoch", "by layer at the end", "learned"], rows)
+        rows.append([str(run), means, by_layer, learned])
+    return markdown(["run", "mean success over training", "by layer at the end", "learned"], rows)
 
 
 def learned_table(results: Results, task: str) -> str:

@@ -17,7 +17,7 @@ from curiobench.methods.agents.hybrid import HybridAgent
 from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.curriculum import Curriculum, GoalMethod
+from curiobench.methods.curriculum import Curriculum
 from curiobench.methods.plugins import Method, building, load_class, load_installed, trace
 from curiobench.methods.relabelling import Relabelling
 from curiobench.methods.reward import IntrinsicReward
@@ -31,14 +31,6 @@ def _built_in(place: str) -> type[Method]:
 
 
 _BUILT_IN: dict[str, type[Method]] = {spec: _built_in(method.place) for spec, method in BUILT_IN.items()}
-REWARDS: dict[str, type[IntrinsicReward]] = {
-    spec: method for spec, method in _BUILT_IN.items() if issubclass(method, IntrinsicReward)
-}
-"""Built-in curiosity methods by spec."""
-GOAL_METHODS: dict[str, type[GoalMethod]] = {
-    spec: method for spec, method in _BUILT_IN.items() if issubclass(method, GoalMethod)
-}
-"""Built-in methods without an intrinsic reward, which decide about goals, by spec."""
 
 
 @dataclass(frozen=True)

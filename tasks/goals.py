@@ -125,13 +125,9 @@ class GoalSpace:
     def __reduce__(self) -> tuple[Any, ...]:
         return goal_space, (self.n_blocks, self._keeps)  # copying and unpickling return the process's cached object
 
-    @cached_property
-    def _index(self) -> dict[bytes, int]:
-        return {bits.astype(bool).tobytes(): g for g, bits in enumerate(self.goals)}
-
     def index(self, bits: np.ndarray) -> int:
         """Position of one bit vector `(n_bits,)` in `goals`; -1 if it is not a valid goal."""
-        return self._index.get(np.asarray(bits).astype(bool).tobytes(), -1)
+        return int(self._table.indices(bits))
 
     def indices(self, bits: np.ndarray) -> np.ndarray:
         """Positions of many bit vectors `(..., n_bits)` in `goals`; -1 for those that are not valid goals."""

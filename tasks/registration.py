@@ -27,8 +27,8 @@ def task_spec(task: str) -> TaskSpec:
 def check_robot(task: str, robot: str) -> None:
     """Raises ValueError if the task or robot is unknown, or the task does not support the robot."""
     spec = task_spec(task)
-    check_name("robot", robot, ROBOTS)
-    spec.check_robot(robot)
+    if check_name("robot", robot, ROBOTS) not in spec.robots:
+        raise ValueError(f"{task} does not take the robot {robot!r}: its robots are {', '.join(spec.robots)}")
 
 
 def check_name(kind: str, name: str, legal: tuple[str, ...]) -> str:

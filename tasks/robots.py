@@ -108,7 +108,8 @@ class FreeGripper(Robot):
     def _build(self) -> None:
         self._mjcf_model = root = mjcf.RootElement(model="robot")
         root.compiler.angle = "radian"
-        mount = root.worldbody.add("body", name="mount", pos=self._hand_at(GRIP_START))
+        # the hand's x axis points down
+        mount = root.worldbody.add("body", name="mount", pos=np.add(GRIP_START, (0, 0, GRIP_IN_HAND[0])))
         for axis, direction in zip("xyz", np.eye(3), strict=True):
             mount.add("joint", name=f"hand_{axis}", type="slide", axis=direction)
         hand = mount.add("body", name="hand", quat=HAND_ROTATION,
@@ -123,10 +124,6 @@ class FreeGripper(Robot):
         for axis, stiffness, damping in zip("xyz", self.servo_stiffness, self.servo_damping, strict=True):
             root.actuator.add("position", name=f"hand_{axis}", joint=f"hand_{axis}", kp=stiffness, kv=damping)
         add_finger_servos(root, (right, left))
-
-    @staticmethod
-    def _hand_at(grip: tuple[float, float, float]) -> tuple[float, float, float]:
-        return (grip[0], grip[1], grip[2] + GRIP_IN_HAND[0])  # the hand's x axis points down
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:

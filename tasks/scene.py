@@ -57,7 +57,7 @@ class Block(composer.Entity):
     def _build(self, index: int) -> None:
         """Builds block number `index`: 0 is a, 1 is b, …"""
         self._mjcf_model = mjcf.RootElement(model=f"block_{BLOCK_NAMES[index]}")
-        self._geom = self._mjcf_model.worldbody.add(
+        self._mjcf_model.worldbody.add(
             "geom", name="block", type="box", size=[BLOCK_SIZE / 2] * 3, mass=BLOCK_MASS, condim=3,
             rgba=BLOCK_COLOURS[index],
         )  # fmt: skip
@@ -65,10 +65,6 @@ class Block(composer.Entity):
     @property
     def mjcf_model(self) -> mjcf.RootElement:
         return self._mjcf_model
-
-    @property
-    def geom(self) -> mjcf.Element:
-        return self._geom
 
     def add_to(self, arena: composer.Arena) -> mjcf.Element:
         """Attaches the block to `arena` by a free joint, which it returns."""

@@ -71,8 +71,3 @@ class TaskSpec:
     def is_slow_to_enumerate(self) -> bool:
         """Whether enumerating the goals takes ten seconds. Listings and readers of results then skip it."""
         return self.n_blocks > 4
-
-    def check_robot(self, robot: str) -> None:
-        """Raises ValueError unless the task supports this robot."""
-        if robot not in self.robots:
-            raise ValueError(f"{self.name} does not take the robot {robot!r}: its robots are {', '.join(self.robots)}")

@@ -59,7 +59,7 @@ def draws_goals(method: type[Curriculum], n_blocks: int) -> None:
 
 def same_goals_again(method: type[Curriculum], n_blocks: int) -> None:
     draws = [_curriculum(method, n_blocks).draw(_situation(n_blocks, 1), np.random.default_rng(0)) for _ in range(2)]
-    expect(same(_lists(draws[0]), _lists(draws[1])), "equal draws from equal generators", "different ones")
+    expect(same(*draws), "equal draws from equal generators", "different ones")
 
 
 def legal_weights(method: type[Curriculum], n_blocks: int) -> None:
@@ -78,8 +78,7 @@ def curriculum_round_trip(method: type[Curriculum], n_blocks: int) -> None:
     for curriculum in (first, second):
         drawn = curriculum.draw(_situation(n_blocks, 2), np.random.default_rng(0))
         curriculum.end_epoch()
-        weights = _lists([curriculum.replay_weights()])
-        histories.append([_lists(drawn), weights, dict(curriculum.metrics()), curriculum.state_dict()])
+        histories.append([drawn, curriculum.replay_weights(), dict(curriculum.metrics()), curriculum.state_dict()])
     expect(same(*histories), "training to go on alike in a new one that loads the state", "something else")
 
 
@@ -121,7 +120,7 @@ def draws_transitions(method: type[Relabelling], n_blocks: int) -> None:
 
 def same_transitions_again(method: type[Relabelling], n_blocks: int) -> None:
     draws = [_replay(method, n_blocks).sample(BATCH, np.random.default_rng(0)) for _ in range(2)]
-    expect(same(*map(_lists, draws)), "equal draws from equal generators", "different ones")
+    expect(same(*draws), "equal draws from equal generators", "different ones")
 
 
 def replay_untouched(method: type[Relabelling], n_blocks: int) -> None:
@@ -139,12 +138,6 @@ def global_random_state(method: type[Curriculum] | type[Relabelling], n_blocks: 
     else:
         _replay(method, n_blocks).sample(BATCH, np.random.default_rng(0))
     no_global_randomness(before)
-
-
-def _lists(arrays: object) -> list:
-    """Arrays as lists, in order; anything else unchanged."""
-    values = arrays.values() if isinstance(arrays, dict) else arrays
-    return [value.tolist() if isinstance(value, np.ndarray) else value for value in values]
 
 
 Tried = dict[str, tuple[Callable[..., None], int]]

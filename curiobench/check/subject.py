@@ -123,6 +123,8 @@ def same(first: Any, second: Any) -> bool:
         if first.shape != second.shape or first.dtype != second.dtype:
             return False
         return bool(((first == second) | ((first != first) & (second != second))).all())
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return np.array_equal(first, second)
     if isinstance(first, dict) and isinstance(second, dict):
         return first.keys() == second.keys() and all(same(value, second[key]) for key, value in first.items())
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):

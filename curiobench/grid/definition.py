@@ -65,7 +65,7 @@ def define(arguments: GridArguments) -> Grid:
         if (text := getattr(arguments, name)) is not None:
             values[name] = _split(text)
     if arguments.seeds is not None:
-        values["seeds"] = _seeds_of_text(arguments.seeds)
+        values["seeds"] = _seeds(_split(arguments.seeds) if "," in arguments.seeds else arguments.seeds, "seeds")
     values |= {name: text for name in ("preset", "robot") if (text := getattr(arguments, name)) is not None}
     if arguments.options is not None:
         values["options"] = values.get("options", {}) | _options_of_text(arguments.options)
@@ -124,17 +124,11 @@ def _names(value: Any, where: str) -> list[str]:
 
 
 def _seeds(value: Any, where: str) -> list[int]:
-    seeds = [_whole_number(seed) for seed in (value if isinstance(value, list) else [value])]
-    if None in seeds:
-        raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or a list of seeds such as [4, 7]")
-    return seeds if isinstance(value, list) else _first_seeds(seeds[0])
-
-
-def _whole_number(value: Any) -> int | None:
     try:
-        return int(value) if isinstance(value, str) else None
+        seeds = [int(str(seed)) for seed in (value if isinstance(value, list) else [value])]
     except ValueError:
-        return None
+        raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or seeds such as [4, 7]") from None
+    return seeds if isinstance(value, list) else _first_seeds(seeds[0])
 
 
 def _text(value: Any, where: str) -> str:
@@ -197,14 +191,6 @@ def _kind(value: Any) -> str:
 
 def _split(text: str) -> list[str]:
     return [part for part in (part.strip() for part in text.split(",")) if part]
-
-
-def _seeds_of_text(text: str) -> list[int]:
-    try:
-        seeds = [int(part) for part in _split(text)]
-    except ValueError:
-        raise ValueError(f"seeds is {text!r}; expected a number of seeds, or seeds such as 4,7") from None
-    return seeds if "," in text or not seeds else _first_seeds(seeds[0])
 
 
 def _first_seeds(number: int) -> list[int]:

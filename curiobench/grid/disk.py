@@ -8,7 +8,7 @@ from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, is_locked, read_config
+from curiobench.run_folder import REPLAY, is_locked, read_config, read_rows
 
 
 class State(StrEnum):
@@ -98,14 +98,5 @@ def _complete_rows(path: Path) -> list[dict[str, Any]]:
 
 def _count_goals(path: Path) -> int | None:
     """Goals in the first evaluation of a run."""
-    with open(path, encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file)
-        first = next(rows, None)
-        if first is None:
-            return None
-        count = 1
-        for row in rows:
-            if row["epoch"] != first["epoch"]:
-                return count
-            count += 1
-    return count
+    epochs = [row["epoch"] for row in read_rows(path)]
+    return epochs.count(epochs[0]) if epochs else None

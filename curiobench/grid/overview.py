@@ -33,60 +33,50 @@ _STYLES = {
 """Colours by state. If a terminal has too few lines for all cells, the first states are shown."""
 
 
-class GridView:
-    """Shows what happens; the scheduler calls it."""
-
-    def event(self, text: str) -> None:
-        """A message of one line or several."""
-        raise NotImplementedError
-
-    def started(self, status: Status) -> None:
-        """Called when a cell's process has been started."""
-
-    def ended(self, status: Status) -> None:
-        """A cell is finished, stopped, in conflict, or taken by another process."""
-
-    def show(self, statuses: Sequence[Status], slots: int) -> None:
-        """The states of all cells, `slots` of which run at a time; called often."""
-
-    def close(self) -> None:
-        """Release the terminal."""
-
-
-class PlainGridView(GridView):
-    """Lines with the time of day, for logs; a line on all cells every few minutes."""
+class PlainGridView:
+    """Lines with the time of day, for logs; a line on all cells every few minutes. The scheduler calls it."""
 
     def __init__(self) -> None:
         self._console = Terminal()
         self._reported = time.monotonic()
 
     def event(self, text: str) -> None:
+        """A message of one line or several."""
         self._console.say(f"{datetime.now():%H:%M:%S} {text}")
 
     def started(self, status: Status) -> None:
+        """Called when a cell's process has been started."""
         self.event(f"{status.cell.folder}: started at epoch {status.progress.epoch + 1} of {status.cell.config.epochs}")
 
     def ended(self, status: Status) -> None:
+        """A cell is finished, stopped, in conflict, or taken by another process."""
         learned = f", {_learned(status)} goals learned" if status.state is State.FINISHED else ""
         self.event(f"{status.cell.folder}: {_phrase(status)}{learned}")
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
+        """The states of all cells, `slots` of which run at a time; called often."""
         if time.monotonic() - self._reported >= REPORT_SECONDS:
             self._reported = time.monotonic()
             self.event(status_line(statuses, slots))
 
+    def close(self) -> None:
+        """Release the terminal."""
 
-class LiveGridView(GridView):
+
+class LiveGridView(PlainGridView):
     """A table on the terminal, drawn at most once a second; messages are printed above it."""
 
     def __init__(self) -> None:
-        self._console = Terminal()
+        super().__init__()
         self._live = Live(console=self._console, auto_refresh=False)
         self._live.start()
         self._drawn = 0.0
 
-    def event(self, text: str) -> None:
-        self._console.say(f"{datetime.now():%H:%M:%S} {text}")
+    def started(self, status: Status) -> None:
+        """Its row in the table says so."""
+
+    def ended(self, status: Status) -> None:
+        """Its row in the table says so."""
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
         self._frame = (statuses, slots)
@@ -105,7 +95,7 @@ class LiveGridView(GridView):
         self._drawn = time.monotonic()
 
 
-def view() -> GridView:
+def view() -> PlainGridView:
     """The view for stdout: live on a capable terminal, otherwise lines."""
     return LiveGridView() if terminal.draws() else PlainGridView()
 

@@ -11,7 +11,7 @@ from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
-from curiobench.grid.overview import GridView, status_line, view
+from curiobench.grid.overview import PlainGridView, status_line, view
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.status import Status
 
@@ -50,7 +50,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     Terminal().say(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
 
 
-def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView) -> None:
+def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: PlainGridView) -> None:
     """Train cells and report faults; raises as `run_grid`."""
     with StopRequest() as stop:
         scheduler = Scheduler(cells, launcher, retries, view, stop)

@@ -9,7 +9,7 @@ from curiobench.errors import StopRequest
 from curiobench.grid.cells import Cell
 from curiobench.grid.disk import State
 from curiobench.grid.launcher import LOST, Launcher, size_of, tail
-from curiobench.grid.overview import GridView
+from curiobench.grid.overview import PlainGridView
 from curiobench.grid.status import OPEN, Status
 from curiobench.run_folder import is_locked
 
@@ -25,7 +25,7 @@ class Scheduler:
     """The loop of a grid. It reads a cell's folder before each start, because other grids may work there."""
 
     def __init__(
-        self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: GridView, stop: StopRequest,
+        self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: PlainGridView, stop: StopRequest,
         poll: float = POLL_SECONDS, elsewhere_poll: float = ELSEWHERE_SECONDS,
     ) -> None:  # fmt: skip
         """

@@ -11,7 +11,6 @@ from curiobench.probe.steps import Track, push_moments, stack_moments
 from curiobench.replay import Episodes
 from curiobench.rollout import Act, play
 from curiobench.tasks.batch import BatchedStacking, Observation
-from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.scripts import Script, push_off_table, stack_two
 from curiobench.tasks.spec import ACTION_SIZE
 
@@ -31,20 +30,13 @@ class ScriptedEpisode:
     """Makes the controller."""
     moments: Callable[[Track], dict[str, int]]
     """Finds the key moments of one episode."""
-    stacks: bool
-    """Whether its goal has a on b; else all blocks are apart."""
-
-    def goal(self, space: GoalSpace) -> np.ndarray:
-        """The goal (bits,) that the script pursues."""
-        bits = np.zeros(space.n_bits, np.float32)
-        if self.stacks:
-            bits[[space.pairs[0].close, space.pairs[0].on_ij]] = 1
-        return space.check(bits)
+    goal: str
+    """That the script pursues."""
 
 
 SCRIPTED_EPISODES = (
-    ScriptedEpisode("stack", "pick and stack", stack_two, stack_moments, stacks=True),
-    ScriptedEpisode("push", "push off the table", push_off_table, push_moments, stacks=False),
+    ScriptedEpisode("stack", "pick and stack", stack_two, stack_moments, "a on b"),
+    ScriptedEpisode("push", "push off the table", push_off_table, push_moments, "all apart"),
 )
 
 
@@ -127,7 +119,7 @@ def transitions(episodes: Episodes) -> dict[str, np.ndarray]:
 
 def _play_script(kind: ScriptedEpisode, worlds: BatchedStacking) -> Played:
     script, qpos = kind.script(), []
-    first = worlds.reset(goals=kind.goal(worlds.goal_space))
+    first = worlds.reset(goals=worlds.goal_space.parse(kind.goal))
     episodes = _play(worlds, first, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
     return Played(kind, episodes, np.stack(qpos, axis=1), worlds.model)
 

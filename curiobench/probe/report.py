@@ -97,26 +97,16 @@ def draw(
 def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilityScore]) -> str:
     """One line per run, the highest score first."""
     lines = [
-        [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.mean)),
+        [run.label, str(run.epoch), *(f"{x:+.2f}" for x in (s.lifting, s.falling, s.controllability)),
          f"{s.low:+.2f} to {s.high:+.2f}", str(s.starts)]
-        for run, s in sorted(zip(runs, scores, strict=True), key=lambda pair: -pair[1].mean)
+        for run, s in sorted(zip(runs, scores, strict=True), key=lambda pair: -pair[1].controllability)
     ]  # fmt: skip
     return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
 
 
 def _score_row(run: ProbedRun, score: ControllabilityScore, among: Among) -> dict[str, Any]:
-    return {
-        "method": display_name(run.config.method),
-        "run": str(run.path),
-        "epoch": run.epoch,
-        "among": among,
-        "lifting": score.lifting,
-        "falling": score.falling,
-        "controllability": score.mean,
-        "low": score.low,
-        "high": score.high,
-        "starts": score.starts,
-    }
+    of_run = {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch, "among": among}
+    return of_run | vars(score)
 
 
 def _number_rows(

@@ -51,16 +51,16 @@ class Reading:
 class ControllabilityScore:
     """Mean normalised reward of controlled lifting less that of falling, in standard deviations of the reward."""
 
-    mean: float
-    """Over the starts that have both kinds of steps."""
-    low: float
-    """Lower end of the 95 % bootstrap interval over starts."""
-    high: float
-    """Upper end."""
     lifting: float
     """Mean over lifting steps."""
     falling: float
     """Mean over falling steps."""
+    controllability: float
+    """Mean difference over the starts that have both kinds of steps."""
+    low: float
+    """Lower end of its 95 % bootstrap interval over starts."""
+    high: float
+    """Upper end."""
     starts: int
     """How many starts have both kinds of steps."""
 
@@ -196,5 +196,5 @@ def score(normalised: np.ndarray, lifts: np.ndarray, falls: np.ndarray, seed: in
     differences = of_lifts - of_falls
     drawn = np.random.default_rng(seed).integers(len(differences), size=(RESAMPLES, len(differences)))
     low, high = np.percentile(differences[drawn].mean(axis=1), (2.5, 97.5))
-    means = (float(x) for x in (differences.mean(), low, high, of_lifts.mean(), of_falls.mean()))
+    means = (float(x) for x in (of_lifts.mean(), of_falls.mean(), differences.mean(), low, high))
     return ControllabilityScore(*means, len(differences))

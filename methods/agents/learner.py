@@ -3,20 +3,19 @@
 import copy
 import math
 from collections.abc import Callable, Iterable
-from functools import partial, reduce
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from curiobench.methods.agents.capture import CapturedStep, StaticBatch
 from curiobench.methods.agents.losses import Losses, Metrics, bootstrapped_target
-from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian
+from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian, squashed_log_prob
 from curiobench.methods.agents.pairs import PairEncoder, PairInputs, PairLayout
-from curiobench.methods.agents.policy_view import view_policy
 from curiobench.methods.agents.q_int import IntrinsicValues
 from curiobench.methods.agents.settings import SACConfig
+from curiobench.methods.agents.static_batch import StaticBatch
 from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
@@ -74,9 +73,7 @@ class Learner:
         self.targets = _weights([self.target_critics, *(value.target_net for value in more.values())])
         self.trained = [*self.actor.parameters(), *self.sources]
         self.trained += [self.log_alpha] if self.config.tune_temperature else []
-        on_cuda, rate = self.device.type == "cuda", self.config.learning_rate
-        lr = torch.tensor(rate, device=self.device) if on_cuda else rate  # a CUDA graph would freeze a float
-        self.optimiser = torch.optim.Adam(self.trained, lr=lr, fused=True, capturable=on_cuda)
+        self.optimiser = torch.optim.Adam(self.trained, lr=self.config.learning_rate, fused=True)
         names = ("encoder", "actor", "critics", "target_critics", "optimiser")
         self.parts = {name: getattr(self, name) for name in names} | more
 
@@ -96,9 +93,6 @@ class Learner:
         """Fixed buffers with a batch copied in."""
         if self.batch is None or self.batch.size != len(batch.reward):
             self.batch = StaticBatch(self.layout, batch, self.device)
-            # one step that updates the policies and one that does not, each captured once on CUDA
-            steps = {with_policy: partial(self._step, self.batch, 0, with_policy) for with_policy in (True, False)}
-            self.steps = {with_policy: CapturedStep(step, self.generator) for with_policy, step in steps.items()}
         self.batch.load(batch)
         return self.batch
 
@@ -107,7 +101,7 @@ class Learner:
         buffers = self.buffers(batch)
         self._set_learning_rate()
         with_policy = self.updates % self.config.actor_every == 0
-        metrics = self.steps[with_policy]() if self.curiosity is None else self._step(buffers, epoch, with_policy)
+        metrics = self._step(buffers, epoch, with_policy)
         if self.device.type == "cuda" and self.updates % CUDA_CHECK_EVERY == 0:
             self.check({name: value for name, value in metrics.items() if name.endswith("_loss")})
         self.updates += 1
@@ -122,11 +116,7 @@ class Learner:
             return
         passed = min(1.0, self.updates / self.config.decay_updates)
         rate = self.config.learning_rate * (1.0 - passed * (1.0 - LEAST_RATE))
-        (group,) = self.optimiser.param_groups
-        if self.device.type == "cuda":
-            group["lr"].fill_(rate)
-        else:
-            group["lr"] = rate
+        self.optimiser.param_groups[0]["lr"] = rate
 
     def _step(self, batch: StaticBatch, epoch: int, with_policy: bool) -> Metrics:
         """Update the critics and, `with_policy`, the policies and temperatures."""
@@ -159,13 +149,15 @@ class Learner:
             raise ValueError("this agent has no curiosity method")
         return self.curiosity
 
+    @torch.no_grad()
     def view(self, batch: Batch, policies: TensorPair, sample: TensorPair) -> PolicyView | None:
         """The exploring policy's `PolicyView`, from mean, log-std and samples (P, …); None if the method reads none."""
         if not self.shows_policy:
             return None
         (mean, log_std), (action, log_prob) = policies, sample
         stored, desired = (part.to(self.device, torch.float32) for part in (batch.action, batch.desired_goal))
-        return view_policy((mean[-1], log_std[-1]), (action[-1], log_prob[-1]), stored, desired)
+        of_stored = squashed_log_prob(mean[-1], log_std[-1], stored)
+        return PolicyView(desired, action[-1].detach(), log_prob[-1].detach(), of_stored)
 
     def transitions(self, batch: Batch, states: TensorPair, epoch: int, view: PolicyView | None) -> Transitions:
         """Input of the curiosity method, from states (B, D) before and after the step; ValueError without a method."""

@@ -20,6 +20,8 @@ from curiobench.methods.agents.settings import SACConfig
 LOG_STD_RANGE = (-5.0, 2.0)
 LOG_2 = math.log(2.0)
 LOG_SQRT_2_PI = 0.5 * math.log(2.0 * math.pi)
+LARGEST_ACTION = 1.0 - 1e-6
+"""Stored actions are clipped to ± this. float32 can round tanh to ±1, where the density is infinite."""
 
 
 def make_net(
@@ -85,3 +87,14 @@ def squashed_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Ten
     varying = (F.softplus(-2.0 * pre_squash) + pre_squash).mul(2.0) - log_std
     constant = -0.5 * noise.square() - (LOG_SQRT_2_PI + 2.0 * LOG_2)
     return pre_squash.tanh(), (varying + constant).sum(-1)
+
+
+def squashed_log_prob(mean: Tensor, log_std: Tensor, action: Tensor) -> Tensor:
+    """log pi(a) (B,) of given actions a = tanh(u), u normal with these mean and log-std, all (B, A).
+
+    log pi(a) = sum of log N(atanh a) - log(1 - a²), the inverse of `squashed_gaussian`.
+    """
+    action = action.clamp(-LARGEST_ACTION, LARGEST_ACTION)
+    error = (action.atanh() - mean) * (-log_std).exp()
+    log_normal = -0.5 * error.square() - log_std - LOG_SQRT_2_PI
+    return (log_normal - torch.log1p(-action.square())).sum(-1)

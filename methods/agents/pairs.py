@@ -5,7 +5,6 @@ threshold function, which a network learns slowly.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple, get_args
 
 import torch
@@ -23,9 +22,6 @@ class PairLayout:
 
     An observation is `[body | block 0 | block 1 | …]`. `pairs` gives the index of each bit, so networks and environment
     agree on their order.
-
-    Raises ValueError if `pairs` does not name every pair i < j once and every goal bit once, if a block has fewer than
-    six columns, or if a detail is not a column.
     """
 
     n_blocks: int
@@ -42,21 +38,6 @@ class PairLayout:
     """Columns of the body that `SACConfig.detail_scale` scales: x, y and velocities."""
     block_details: tuple[int, ...] = (0, 1, 6, 7, 8, 9, 10, 11, 12, 13, 14)
     """Columns of a block that it scales: x, y, angles and velocities."""
-
-    def __post_init__(self) -> None:
-        if self.n_blocks < 2:
-            raise ValueError(f"n_blocks is {self.n_blocks}; pairs need at least 2 blocks")
-        named = sorted((i, j) for i, j, *_ in self.pairs)
-        if named != list(combinations(range(self.n_blocks), 2)):
-            raise ValueError(f"pairs name {named}; every pair i < j of {self.n_blocks} blocks must appear once")
-        bits = sorted(bit for _, _, *pair_bits in self.pairs for bit in pair_bits)
-        if bits != list(range(self.goal_size)):
-            raise ValueError(f"pairs use the goal bits {bits}; each of 0…{self.goal_size - 1} must appear once")
-        if self.block_size < 6:
-            raise ValueError(f"block_size is {self.block_size}; a block begins with its two positions, 6 columns")
-        for details, size in ((self.body_details, self.body_size), (self.block_details, self.block_size)):
-            if not set(details) <= set(range(size)):
-                raise ValueError(f"details are the columns {details}; there are {size} columns")
 
     @property
     def observation_size(self) -> int:

@@ -33,28 +33,22 @@ class PopArt:
     their weights requires the same unit.
     """
 
+    min_scale = 1e-6
+    """Lower bound of the scale, in the targets' unit; a constant target must not divide by zero."""
+
     def __init__(
         self,
         layers: Iterable[tuple[Tensor, Tensor]],
         rate: float = 3e-4,
-        min_scale: float = 1e-6,
         device: str | torch.device = "cpu",
     ) -> None:
         """
         Args:
             layers: weight and bias of each output layer, changed in place.
             rate: share of a batch in the statistics, in (0, 1]; they forget over about 1 / rate updates.
-            min_scale: lower bound of the scale, in the targets' unit; a constant target must not divide by zero.
             device: device of the statistics.
-
-        Raises:
-            ValueError: rate or min_scale out of range.
         """
-        if not 0 < rate <= 1:
-            raise ValueError(f"rate is {rate}; it must lie in (0, 1]")
-        if not min_scale > 0:
-            raise ValueError(f"min_scale is {min_scale}; it must be positive")
-        self.layers, self.rate, self.min_scale = list(layers), rate, min_scale
+        self.layers, self.rate = list(layers), rate
         self.mean = torch.zeros((), dtype=torch.float64, device=device)
         self.variance = torch.ones((), dtype=torch.float64, device=device)
         self.weight = torch.zeros((), dtype=torch.float64, device=device)

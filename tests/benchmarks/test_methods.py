@@ -8,12 +8,13 @@ All agents are updated in turns in one process on the same batch, so that a busy
 import numpy as np
 import pytest
 import torch
+from curiosity import REWARDS
 from layouts import layout_of
 from replays import laptop_batch
 from side_by_side import ratio, side_by_side
 
 from curiobench.methods.process import tune_process
-from curiobench.methods.registry import REWARDS, make_agent
+from curiobench.methods.registry import make_agent
 
 TARGETS = {"icm": 1.4, "rnd": 1.4, "re3": 1.4, "mi": 1.6, "dac": 1.6}
 """Largest cost of an update beside that of `sac`."""

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import torch
+from curiosity import REWARDS
 from torch.nn.modules.module import register_module_forward_hook
 
 from curiobench.build import pair_layout
@@ -13,7 +14,6 @@ from curiobench.check import properties
 from curiobench.check.properties import COST, PROPERTIES, cost, examine
 from curiobench.check.subject import Subject
 from curiobench.check.template import NewMethod
-from curiobench.methods.registry import REWARDS
 from curiobench.tasks.goals import goal_space
 
 

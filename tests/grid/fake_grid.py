@@ -12,7 +12,7 @@ from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.launcher import LocalLauncher
-from curiobench.grid.overview import GridView, PlainGridView
+from curiobench.grid.overview import PlainGridView
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.slurm_launcher import SlurmLauncher
@@ -52,7 +52,7 @@ class Watching(PlainGridView):
         self.watch(statuses)
 
 
-def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: GridView | None = None) -> Scheduler:
+def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: PlainGridView | None = None) -> Scheduler:
     """Run cells to their end in this process."""
     cells[0].out.mkdir(parents=True, exist_ok=True)
     launcher = LocalLauncher(jobs, FAKE)

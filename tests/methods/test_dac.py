@@ -10,8 +10,7 @@ from curiosity import ACTION, GOAL, STATE, fresh, plain, random_transitions, wit
 from layouts import SMALL
 from torch.distributions import Normal
 
-from curiobench.methods.agents.networks import squashed_gaussian
-from curiobench.methods.agents.policy_view import squashed_log_prob
+from curiobench.methods.agents.networks import squashed_gaussian, squashed_log_prob
 from curiobench.methods.agents.sac import SAC
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.dac import DAC

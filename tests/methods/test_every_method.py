@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 from agents import random_batch
-from curiosity import collected, fresh, random_transitions, transitions_of
+from curiosity import REWARDS, collected, fresh, random_transitions, transitions_of
 from layouts import SMALL, layout_of
 from states import same_state
 
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.registry import REWARDS, make_agent
+from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Transitions
 from curiobench.methods.specs import BUILT_IN
 

@@ -3,7 +3,9 @@
 import numpy as np
 import torch
 
+from curiobench.methods.registry import parse_spec
 from curiobench.methods.reward import Collected, IntrinsicReward, PolicyView, Transitions
+from curiobench.methods.specs import BUILT_IN
 
 STATE, ACTION, GOAL = 3, 2, 4
 """Sizes of states, actions and goals."""
@@ -11,6 +13,8 @@ STEPS = 5
 """Length of episodes."""
 PARTICLES = 12
 """States among which a method looks for neighbours."""
+REWARDS = {spec: parse_spec(spec).reward for spec, method in BUILT_IN.items() if method.rewards}
+"""Classes of the built-in curiosity methods."""
 
 
 def transitions_of(state, action, next_state, epoch: int = 0, policy: PolicyView | None = None) -> Transitions:

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chisquare
 from small_replay import GOALS, STEPS, episodes_of, filled, replay_of
 
-from curiobench.replay import Episodes, ReplayConfig
+from curiobench.replay import ReplayConfig
 
 
 def same(first: dict[str, np.ndarray], second: dict[str, np.ndarray]) -> bool:
@@ -74,17 +74,6 @@ def test_bad_input_is_named(tmp_path):
     replay = replay_of()
     with pytest.raises(ValueError, match="empty"):
         replay.sample(4, np.random.default_rng(0))
-    with pytest.raises(ValueError, match="9 episodes do not fit"):
-        replay.add(episodes_of(list(range(9)), [(0, 0)] * 9))
-    broken = episodes_of([0, 1], [(0, 0)] * 2)
-    wrong = Episodes(broken.observation[:, :-1], broken.achieved_goal, broken.action, broken.desired_goal)
-    with pytest.raises(ValueError, match=r"observation has shape \(2, 4, 3\); expected \(2, 5, 3\)"):
-        replay.add(wrong)
-    action = broken.action.copy()
-    action[1, 2, 0] = np.nan
-    with pytest.raises(ValueError, match="action of episode 1 is not finite"):
-        replay.add(Episodes(broken.observation, broken.achieved_goal, action, broken.desired_goal))
-    assert len(replay) == 0
     name = filled(3).save(tmp_path)
     with pytest.raises(ValueError, match="holds shapes"):
         replay_of(capacity=9).load(tmp_path, name)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import torch
 from agents import random_batch, raw_of
+from curiosity import REWARDS
 from layouts import layout_of
 from states import same_state, through_a_file
 
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.registry import REWARDS, make_agent
+from curiobench.methods.registry import make_agent
 from curiobench.methods.specs import HYBRID
 
 SPECS = ["sac", *REWARDS, *(name + HYBRID for name in REWARDS)]

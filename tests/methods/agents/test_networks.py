@@ -176,19 +176,6 @@ def test_fast_encoding_equals_the_plain_one(n_blocks, pairs, features):
             torch.testing.assert_close(got, want)
 
 
-def test_layouts_that_miss_or_repeat_a_name_are_refused():
-    with pytest.raises(ValueError, match="at least 2"):
-        PairLayout(1, ())
-    with pytest.raises(ValueError, match="every pair"):
-        PairLayout(3, ((0, 1, 0, 1, 2),))
-    with pytest.raises(ValueError, match="goal bits"):
-        PairLayout(2, ((0, 1, 0, 1, 1),))
-    with pytest.raises(ValueError, match="there are 6 columns"):
-        PairLayout(2, ((0, 1, 0, 1, 2),), body_size=3, block_size=6, body_details=())
-    with pytest.raises(ValueError, match="block_size is 5"):  # near-field features would be read out of bounds
-        PairLayout(2, ((0, 1, 0, 1, 2),), block_size=5, block_details=())
-
-
 def test_encoder_statistics_are_shared_and_explicit():
     layout = layout_of(3)
     encoder, raw = PairEncoder(layout, SACConfig()), some_inputs(layout)

@@ -72,21 +72,6 @@ def test_deterministic_action_is_the_mode_and_draws_nothing():
     assert not np.array_equal(agent.act(*raw), agent.act(*raw))
 
 
-def test_update_reads_a_batch_only_through_its_fixed_buffers():
-    """A CUDA graph needs this: the step, called again without a batch, does the same as `update` with it."""
-    rng, agent, twin = np.random.default_rng(6), sac_of(), sac_of()
-    first, second = random_batch(SMALL, 8, rng), random_batch(SMALL, 8, rng)
-    agent.update(first)
-    twin.update(first)
-    address = agent.learner.batch.rows.data_ptr()
-    metrics = agent.update(second)
-    twin.learner.batch.load(second)
-    assert same_state(twin.learner.steps[True](), metrics)
-    assert agent.learner.batch.rows.data_ptr() == address
-    for name in ("actor", "critics"):
-        assert same_state(agent.state_dict()[name], twin.state_dict()[name])
-
-
 def test_tuned_temperature_falls_while_entropy_is_above_target():
     agent, rng = sac_of(tune_temperature=True, temperature=0.5), np.random.default_rng(0)
     agent.learner.target_entropy = -10.0
