@@ -72,7 +72,7 @@ class HybridAgent(LearningAgent):
         self._explores_by = MEMBERS.index(hybrid.q_int_normalisation)
         self._exploited = self._acted = 0
         self._measured: dict[str, float] = {}
-        self._probe: Tensor | None = None  # rows of `StaticBatch`
+        self._probe: Tensor | None = None  # rows of `BatchBuffers`
 
     @torch.no_grad()
     def act(

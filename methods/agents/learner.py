@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from curiobench.methods.agents.batch_buffers import BatchBuffers
 from curiobench.methods.agents.losses import Losses, Metrics, bootstrapped_target
 from curiobench.methods.agents.networks import Actor, TwinCritics, squashed_gaussian, squashed_log_prob
 from curiobench.methods.agents.pairs import PairEncoder, PairInputs, PairLayout
 from curiobench.methods.agents.q_int import IntrinsicValues
 from curiobench.methods.agents.settings import SACConfig
-from curiobench.methods.agents.static_batch import StaticBatch
 from curiobench.methods.curiosity import Curiosity
 from curiobench.methods.guard import CUDA_CHECK_EVERY, NonFiniteError
 from curiobench.methods.reward import Batch, IntrinsicReward, PolicyView, Transitions
@@ -27,7 +27,7 @@ TensorPair = tuple[Tensor, Tensor]
 class Step(NamedTuple):
     """What the losses of an update are computed from: B transitions and P policies. The last policy explores."""
 
-    batch: StaticBatch
+    batch: BatchBuffers
     inputs: PairInputs  # before the transitions
     next_inputs: PairInputs  # after them
     next_noise: Tensor  # (B, A) standard normal, for the next actions
@@ -64,7 +64,7 @@ class Learner:
         self.log_alpha = nn.Parameter(log_alpha if n_policies == 1 else log_alpha.repeat(n_policies))
         self.target_entropy = -float(layout.action_size) if config.tune_temperature else None
         self.updates = 0
-        self.batch: StaticBatch | None = None
+        self.batch: BatchBuffers | None = None
 
     def prepare(self, losses: Callable[[Step], Losses], **more: IntrinsicValues) -> None:
         """Set up Adam for the weights of actor, critics and `more` values, and for a temperature that is tuned."""
@@ -89,10 +89,10 @@ class Learner:
         """Standard normal numbers."""
         return torch.randn(shape, generator=self.generator, device=self.device)
 
-    def buffers(self, batch: Batch) -> StaticBatch:
+    def buffers(self, batch: Batch) -> BatchBuffers:
         """Fixed buffers with a batch copied in."""
         if self.batch is None or self.batch.size != len(batch.reward):
-            self.batch = StaticBatch(self.layout, batch, self.device)
+            self.batch = BatchBuffers(self.layout, batch, self.device)
         self.batch.load(batch)
         return self.batch
 
@@ -118,7 +118,7 @@ class Learner:
         rate = self.config.learning_rate * (1.0 - passed * (1.0 - LEAST_RATE))
         self.optimiser.param_groups[0]["lr"] = rate
 
-    def _step(self, batch: StaticBatch, epoch: int, with_policy: bool) -> Metrics:
+    def _step(self, batch: BatchBuffers, epoch: int, with_policy: bool) -> Metrics:
         """Update the critics and, `with_policy`, the policies and temperatures."""
         inputs, next_inputs = self.encoder.encode_rows(batch.rows)
         metrics = {"reward": batch.reward.mean()}

@@ -6,7 +6,7 @@ from curiobench.methods.agents.pairs import PairLayout
 from curiobench.methods.reward import Batch
 
 
-class StaticBatch:
+class BatchBuffers:
     """A batch in float32 buffers at fixed addresses, in the layout that the encoder reads."""
 
     def __init__(self, layout: PairLayout, batch: Batch, device: torch.device) -> None:
