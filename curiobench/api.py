@@ -53,7 +53,7 @@ class Agent:
             Actions (A,) or (N, A) in [-1, 1], and None.
 
         Raises:
-            ValueError: a part is missing, or of another size than the agent's task has.
+            ValueError: a part is missing, not finite, or of another size than the agent's task has.
         """
         if missing := [name for name in OBSERVATION_KEYS if name not in observation]:
             raise ValueError(f"the observation lacks {missing[0]!r}; it needs {', '.join(OBSERVATION_KEYS)}")
@@ -63,6 +63,8 @@ class Agent:
         for name, part, size in zip(OBSERVATION_KEYS, parts, sizes, strict=True):
             if part.ndim not in (1, 2) or part.shape[-1] != size:
                 raise ValueError(f"{name} has shape {part.shape}; expected ({size},) or (N, {size})")
+            if not np.isfinite(part).all():
+                raise ValueError(f"{name} has a number that is not finite")
         if len({part.shape[:-1] for part in parts}) > 1:
             raise ValueError(
                 f"the parts of the observation have shapes {[part.shape for part in parts]}; one N is expected"
@@ -87,12 +89,12 @@ class Run:
 
     @property
     def progress(self) -> pd.DataFrame:
-        """A row per epoch; docs/training.md explains the columns."""
+        """A row per epoch; docs/training.md explains the columns. Empty before the first epoch has ended."""
         return self._rows("progress.csv")
 
     @property
     def evaluations(self) -> pd.DataFrame:
-        """A row per evaluation and goal."""
+        """A row per evaluation and goal. Empty before the first evaluation."""
         return self._rows("evaluations.csv")
 
     @property
@@ -106,7 +108,8 @@ class Run:
         return load_agent(self.path, self.method)
 
     def _rows(self, name: str) -> pd.DataFrame:
-        return pd.read_csv(self.path / name, dtype={"bits": str})
+        path = self.path / name
+        return pd.read_csv(path, dtype={"bits": str}) if path.exists() else pd.DataFrame()
 
 
 def train(
@@ -137,6 +140,8 @@ def train(
     """
     axes = {"task": task, "method": method, "preset": preset, "seed": seed, "out": str(out)}
     flags = [flag for name, value in (axes | dict(options or {})).items() for flag in flags_of(name, value)]
+    if {"--help", "-h"} & set(flags):  # would print the help and exit
+        raise ValueError("help is not an option of a run")
     parsed = parse_train([*flags, *(["--resume"] if resume else [])])
     train_run(parsed.config, parsed.out, parsed.resume, ("curiobench", "train", *flags))
     return load_run(parsed.out, parsed.config.method)
@@ -156,6 +161,7 @@ def load_agent(path: str | Path, method: str | None = None) -> Agent:
     """The agent of a run's newest checkpoint, or of a published set; arguments and errors as `load_run`.
 
     "v2/stack3/mihm" is the agent that set v2 has of this task and method; instead of v2 there may be the path of a
-    set. Raises ValueError, too, where there is no such agent or its files are damaged.
+    set. Raises ValueError, too, where there is no such agent, it is one of another method than `method`, or its files
+    are damaged.
     """
-    return Agent(load_config_and_agent(Path(path), {method})[1])
+    return Agent(load_config_and_agent(Path(path), method)[1])

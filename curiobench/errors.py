@@ -2,6 +2,7 @@
 
 import shlex
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,7 +61,9 @@ class StopRequest:
         self._once = once
 
     def __enter__(self) -> Self:
-        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGINT, signal.SIGTERM)}
+        signals = (signal.SIGINT, signal.SIGTERM)
+        here = threading.current_thread() is threading.main_thread()  # Python delivers signals to no other thread
+        self._before = {s: signal.signal(s, self._note) for s in signals} if here else {}
         return self
 
     def _note(self, number: int, frame: FrameType | None) -> None:

@@ -12,6 +12,7 @@ from curiobench.build import build_agent, build_replay
 from curiobench.config import RunConfig
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.process import tune_process
+from curiobench.methods.specs import canonical, display_name
 from curiobench.published_agent import load_published
 from curiobench.replay import EpisodeReplay
 from curiobench.run_folder import CHECKPOINT, REPLAY, read_config
@@ -48,16 +49,22 @@ class SavedRun:
         return replay
 
 
-def load_agent(path: Path, trusted: Container[str] = ()) -> tuple[RunConfig, LearningAgent]:
+def load_agent(path: Path, method: str | None = None) -> tuple[RunConfig, LearningAgent]:
     """The config and the agent of a run folder, see `load_saved`, or of a published set: v2/stack3/mihm.
 
-    Raises ValueError as `load_saved` and `load_published`, and where a published set has no such agent.
+    `method` may name the agent's method; one that is not built in has to be named before its code is imported. Raises
+    ValueError as `load_saved` and `load_published`, where a published set has no such agent, and where the agent is of
+    another method.
     """
     folder = find_agent(path)
     if folder is not None:
-        return load_published(folder, trusted)
-    saved = load_saved(path, trusted)
-    return saved.config, saved.agent
+        config, agent = load_published(folder, {method})
+    else:
+        saved = load_saved(path, {method})
+        config, agent = saved.config, saved.agent
+    if method is not None and canonical(method) != config.method:
+        raise ValueError(f"{path} has an agent of {display_name(config.method)}, not of {method}")
+    return config, agent
 
 
 def load_saved(path: Path, trusted: Container[str] = ()) -> SavedRun:

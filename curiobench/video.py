@@ -3,6 +3,7 @@
 import re
 import tempfile
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -40,6 +41,9 @@ def film(
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}; it must be at least 1")
+    if seed < 0:
+        raise ValueError(f"seed is {seed}; it must be at least 0")
+    _import_imageio()  # before the work
     worlds = BatchedStacking(config.task, 1, config.robot, seed=seed)
     bits = worlds.goal_space.parse(goal)
     name = worlds.goal_space.names[worlds.goal_space.index(bits)]
@@ -58,12 +62,17 @@ def film(
     return out, reached
 
 
-def _write(path: Path, frames: np.ndarray) -> None:
-    """Write frames `(T, height, width, 3)` uint8."""
+def _import_imageio() -> ModuleType:
     try:
         import imageio.v3 as imageio
     except ImportError:
         raise ValueError("videos need the extra `video`: pip install 'curiobench[video]'") from None
+    return imageio
+
+
+def _write(path: Path, frames: np.ndarray) -> None:
+    """Write frames `(T, height, width, 3)` uint8."""
+    imageio = _import_imageio()
     if path.suffix != ".mp4":
         options = {"duration": 1000 * CONTROL_TIMESTEP, "loop": 0}
     else:

@@ -17,6 +17,13 @@ One agent per task and method, from the published set `{name}`. Its [README](../
 the run of each. Each video shows one episode, from seed 0, with the first of the tallest goals.
 `make agents SET=results/{name}` writes this page.
 
+```
+curiobench video {name} --method mihm --task stack3 --goal "a on b on c"   # films one
+curiobench evaluate {name}/stack3/mihm                                   # its success on all goals
+```
+
+`curiobench.load_agent("{name}/stack3/mihm")` gives it to Python ([more](publishing.md#agents)).
+
 | agent | goal | reached | video |
 |---|---|---|---|
 """

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-BLOCKS, ROUNDS = map(int, sys.argv[1:])
+BLOCKS, ROUNDS = map(int, sys.argv[1:] or (2, 150))
 N, T, UPDATES, BATCH, GAMMA, TAU, NOISE, HINDSIGHT = 32, 50, 60, 512, 0.95, 0.05, 0.2, 0.8
 torch.set_num_threads(1)
 torch.manual_seed(0)

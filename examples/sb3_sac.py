@@ -7,7 +7,7 @@ import torch
 from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 
-BLOCKS, STEPS = map(int, sys.argv[1:])
+BLOCKS, STEPS = map(int, sys.argv[1:] or (2, 50_000))
 torch.set_num_threads(1)
 model = SAC(
     "MultiInputPolicy",

@@ -12,6 +12,8 @@ import optuna
 
 import curiobench
 
+if len(sys.argv) < 3:
+    sys.exit("usage: tune.py FOLDER TRIALS [OPTION=VALUE …]")
 OUT, TRIALS = Path(sys.argv[1]), int(sys.argv[2])
 EPOCHS = 6  # of the preset `laptop`, which evaluates after each
 OPTIONS = {"machine.keep-replay": True, "evaluate-every": 1} | dict(word.split("=") for word in sys.argv[3:])

@@ -39,7 +39,8 @@ def parse(space: "GoalSpace", name: str) -> np.ndarray:
     """The bits `(n_bits,)` that a name describes. Blocks that it does not mention are apart.
 
     Raises:
-      ValueError: a relation cannot be parsed or names a block that the task does not have.
+      ValueError: a relation cannot be parsed, names a block twice or one that the task does not have, or contradicts
+        another.
     """
     text = " ".join(name.lower().split())
     if text in ("all close", "all apart"):
@@ -47,23 +48,27 @@ def parse(space: "GoalSpace", name: str) -> np.ndarray:
     text = re.sub(r"on ([a-z]) (?=on )", r"on \1, \1 ", text)  # a on b on c: a on b, b on c
     on: Relations = set()
     close: Relations = set()
+    alone: set[int] = set()
     for part in re.split(r"\s*,\s*", text):
         if apart := _APART.fullmatch(part):
-            _blocks(space, apart[1])
+            alone.update(_blocks(space, apart[1].split(" and ")))
         elif relation := _RELATION.fullmatch(part):
-            (subject,) = _blocks(space, relation[1])
-            pairs = {(subject, other) for other in _blocks(space, relation[3])}
+            subject, *others = _blocks(space, [relation[1], *relation[3].split(" and ")])
+            pairs = {(subject, other) for other in others}
             (on if relation[2] == "on" else close).update(pairs)
         else:
             raise ValueError(f"{part!r} is not 'x on y', 'x on y and z', 'x close to y', 'x apart', 'all close/apart'")
+    if both := alone & {i for pair in on | close for i in pair}:
+        raise ValueError(f"{_join(both)} cannot be apart and have a relation, too")
     return _to_bits(space, on, close | _implied(on))
 
 
-def _blocks(space: "GoalSpace", text: str) -> list[int]:
-    letters = text.split(" and ")
+def _blocks(space: "GoalSpace", letters: list[str]) -> list[int]:
     unknown = [letter for letter in letters if letter not in BLOCK_NAMES[: space.n_blocks]]
     if unknown:
         raise ValueError(f"there is no block {unknown[0]!r}, the blocks are {', '.join(BLOCK_NAMES[: space.n_blocks])}")
+    if len(set(letters)) < len(letters):
+        raise ValueError(f"a block is named twice: {', '.join(letters)}")
     return [BLOCK_NAMES.index(letter) for letter in letters]
 
 

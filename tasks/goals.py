@@ -155,14 +155,19 @@ class GoalSpace:
           ValueError: the name cannot be parsed, the length is wrong, or no placement of blocks produces the goal.
         """
         if isinstance(goal, str):
-            is_bit_string = bool(goal) and set(goal) <= {"0", "1"}
-            bits = np.array([float(c) for c in goal]) if is_bit_string else self._parse_name(goal)
+            if not goal or set(goal) - {"0", "1"}:
+                return self._parse_name(goal)
+            bits = np.array([float(c) for c in goal])
         elif isinstance(goal, int | np.integer) and not isinstance(goal, bool):
             if not 0 <= goal < len(self):
                 raise ValueError(f"goal {goal} is out of range: there are {len(self)} goals, 0 to {len(self) - 1}")
             bits = self.goals[goal]
         else:
-            bits = np.asarray(goal, dtype=np.float64)
+            try:
+                bits = np.asarray(goal, dtype=np.float64)
+            except (TypeError, ValueError):
+                what = f"a name, {self.n_bits} bits or a position in the list of goals"
+                raise ValueError(f"a goal is {what}, got {goal!r:.80}") from None
         return self.check(bits)
 
     def check(self, bits: np.ndarray) -> np.ndarray:
@@ -183,7 +188,7 @@ class GoalSpace:
 
     def _parse_name(self, name: str) -> np.ndarray:
         try:
-            return goal_names.parse(self, name)
+            return self.check(goal_names.parse(self, name))
         except ValueError as error:
             near = difflib.get_close_matches(name, self.names, n=3, cutoff=0.3)
             hint = "; did you mean " + " or ".join(repr(n) for n in near) + "?" if near else ""

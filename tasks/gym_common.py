@@ -54,8 +54,10 @@ def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> 
       ValueError: an option or goal is unknown, or the length of a list is not N.
     """
     options = options or {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options are a dict of goal and biased, got {options!r:.80}")
     if unknown := set(options) - {"goal", "biased"}:
-        raise ValueError(f"unknown reset option {min(unknown)!r}: the options are goal, biased")
+        raise ValueError(f"unknown reset option {min(unknown, key=str)!r}: the options are goal, biased")
     n, space = worlds.n_worlds, worlds.goal_space
     goals: Any = options.get("goal")
     if not _is_list_of_goals(goals):
@@ -153,13 +155,19 @@ class GoalWorlds:
             raise ValueError(f"a state of this environment has the shapes {shapes}, got {given}")
         if not np.isfinite(state["state"]).all():
             raise ValueError("the state holds a number that is not finite")
-        rng = json.loads(str(state["rng"]))
-        type(self.np_random.bit_generator)().state = rng  # raises unless it is a state of this kind of generator
-        self._worlds.pursue(state["desired_goal"])  # raises unless the goals are valid
-        self._worlds.rng = self.np_random
-        self._worlds.load_state_dict({**state, "rng": rng})
-        self._options = {name: np.array(state[name]) for name in self._options}
+        before = self.get_state()
+        try:
+            self._restore(state)
+        except Exception as error:
+            self._restore(before)
+            raise ValueError(f"not a state of this environment: {error}") from None
         return self._show(self._worlds.observe())
+
+    def _restore(self, state: Mapping[str, np.ndarray]) -> None:
+        self._worlds.rng = self.np_random
+        self._worlds.load_state_dict({**state, "rng": json.loads(str(state["rng"]))})
+        self._worlds.pursue(state["desired_goal"])  # raises unless the goals are valid
+        self._options = {name: np.array(state[name]) for name in self._options}
 
     def _show(self, seen: Observation) -> dict[str, np.ndarray]:
         return as_dict(seen)

@@ -142,6 +142,9 @@ def find_agent(path: Path) -> Path | None:
     SET is the name or path of a published set. Raises ValueError if the set has no such agent, or the agent's files do
     not have the published digests.
     """
+    for part in (path, path.parent):
+        if part.name and is_published(by_name(part)):
+            raise ValueError(f"{path} is not a published agent; {_told(part, agents_of(by_name(part)))}")
     folder = by_name(path.parent.parent)
     if not path.parent.name or not is_published(folder):
         if _VERSION.fullmatch(str(folder)) and not os.path.lexists(folder):

@@ -58,7 +58,7 @@ def evaluate(arguments: EvaluateArguments) -> None:
     from curiobench.evaluation import Evaluator, format_goals, format_layers
     from curiobench.saved_agent import load_agent
 
-    config, agent = load_agent(arguments.run, {arguments.method})
+    config, agent = load_agent(arguments.run, arguments.method)
     episodes = config.episodes_per_goal if arguments.episodes is None else arguments.episodes
     evaluation = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent)
     if arguments.goals:
@@ -73,7 +73,7 @@ def video(arguments: VideoArguments) -> None:
     from curiobench.video import film
 
     run = named_agent(arguments.run, arguments.task, arguments.method)
-    config, agent = load_agent(run, {arguments.method})
+    config, agent = load_agent(run, arguments.method)
     folder = run if run.is_dir() else Path()  # nothing is written into published sets
     path, successes = film(agent, config, arguments.goal, arguments.out, folder, arguments.episodes, arguments.seed)
     print(f"{path}: {successes} of {arguments.episodes} episodes reached the goal")

@@ -151,9 +151,11 @@ def test_what_is_wrong_with_an_agent_is_one_line(out, spoil, message):
 
 def test_what_there_is_not_is_named(out, finished, cli, monkeypatch, tmp_path):
     names = f"{out}/stack2/mihm, {out}/stack2/sac"
-    for path in ("stack2/icm", "stack3/sac", "../runs", "stack2/..", "stack9/sac"):
+    for path in ("stack2/icm", "stack3/sac", "../runs", "stack2/..", "stack9/sac", "stack2", "."):
         with pytest.raises(ValueError, match=f"is not a published agent; available: {names}$"):
             load_agent(Path(f"{out}/{path}"))
+    with pytest.raises(ValueError, match="has an agent of mihm, not of icm"):
+        load_agent(out / "stack2" / "mihm", "icm")
     weights = out / AGENTS / "stack2-sac" / WEIGHTS
     weights.unlink()
     os.mkfifo(weights)

@@ -100,11 +100,13 @@ def test_states_that_do_not_fit_are_refused_and_nothing_moves():
         (SemanticStackEnv("stack3").get_state(), "has the shapes"),
         ({**good, "state": good["state"] * np.nan}, "not finite"),
         ({**good, "desired_goal": np.ones((1, 3))}, "no placement"),
+        ({**good, "divergences": np.array(np.nan)}, "not a state"),
         ({**good, "rng": np.array('{"bit_generator": "MT19937"}')}, "PCG64"),
     ]
     for state, message in bad:
         with pytest.raises(ValueError, match=message):
             env.set_state(state)
+        assert all(np.array_equal(value, good[name]) for name, value in env.get_state().items())
     np.testing.assert_array_equal(env.set_state(env.get_state())["observation"], seen["observation"])
 
 

@@ -1,5 +1,8 @@
 """Runs from Python."""
 
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -28,6 +31,19 @@ def test_a_run_has_its_config_its_rows_and_its_result(run):
     assert again.progress.equals(run.progress)
 
 
+def test_a_run_can_be_trained_in_a_thread(run, tmp_path):
+    options = {**TINY_OPTIONS, "method.hidden": 9}
+    with ThreadPoolExecutor(1) as pool:
+        job = pool.submit(curiobench.train, "stack2", "rnd", "smoke", 3, out=tmp_path / "run", options=options)
+        assert job.result().evaluations.equals(run.evaluations)
+
+
+def test_a_run_without_rows_has_empty_frames(run, tmp_path):
+    shutil.copy(run.path / "config.json", tmp_path)
+    assert curiobench.load_run(tmp_path).progress.empty
+    assert curiobench.load_run(tmp_path).evaluations.empty
+
+
 def test_an_agent_predicts_for_one_and_for_many(run):
     agent = run.agent()
     environment = gym.make("curiobench/SemanticStack2-v0")
@@ -42,6 +58,8 @@ def test_an_agent_predicts_for_one_and_for_many(run):
         agent.predict({name: seen[name] for name in ("observation", "achieved_goal")})
     with pytest.raises(ValueError, match=r"observation has shape \(7,\); expected \(40,\)"):
         agent.predict(seen | {"observation": np.zeros(7)})
+    with pytest.raises(ValueError, match="observation has a number that is not finite"):
+        agent.predict(seen | {"observation": np.full(40, np.nan)})
 
 
 def test_wrong_input_is_refused_before_anything_is_made(tmp_path):
@@ -49,6 +67,8 @@ def test_wrong_input_is_refused_before_anything_is_made(tmp_path):
         curiobench.train("stack2", out=tmp_path / "run", options={"sac.gama": 0.9})
     with pytest.raises(ValueError, match="unknown task 'stack9'"):
         curiobench.train("stack9", out=tmp_path / "run")
+    with pytest.raises(ValueError, match="help is not an option"):
+        curiobench.train("stack2", out=tmp_path / "run", options={"help": True})
     assert not (tmp_path / "run").exists()
     with pytest.raises(ValueError, match=r"run"):
         curiobench.load_run(tmp_path / "run")
