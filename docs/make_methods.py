@@ -11,7 +11,7 @@ from sections import markdown, write_section
 from curiobench.analysis import load
 from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
 from curiobench.analysis.colours import COLOURS
-from curiobench.analysis.frames import Results
+from curiobench.analysis.frames import Results, read_results
 from curiobench.run_folder import read_json, read_rows
 
 RESULTS = DOCS.parent / "results"
@@ -135,4 +135,6 @@ if __name__ == "__main__":
     write_section(DOCS / "methods" / "before_after.md", "before and after", before_and_after(results), COMMAND)
     table = final_table(results, ("sac", "mihm", "decstr", "mcher"))
     write_section(DOCS / "methods" / "table4.md", "table 4", table, COMMAND)
+    future = read_results([RESULTS / "future"])
+    write_section(RESULTS / "v2" / "README.md", "future", final_table(future, ("sac", "mihm")), COMMAND)
     write_section(DOCS.parent / "README.md", "stack3", learned_table(results, "stack3"), COMMAND)
