@@ -137,9 +137,10 @@ def killed(tmp_path_factory):
         if saves == 2:
             raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TrainingRun, "_save", save_and_leave)
-        train(TINY, path)
+        with pytest.raises(KeyboardInterrupt):
+            train(TINY, path)
     return path
 
 
