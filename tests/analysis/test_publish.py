@@ -13,7 +13,7 @@ from synthetic import known
 
 from curiobench.analysis import load
 from curiobench.analysis import publish as module
-from curiobench.analysis.folders import CONFIGS, SUMS, read_sums
+from curiobench.analysis.folders import CONFIGS, SUMS
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.publish import publish
 
@@ -51,7 +51,6 @@ def test_configs_sums_and_bytes(make_runs, out, undrawn):
     for run in runs:
         assert (out / CONFIGS / f"{run.name}.json").read_bytes() == (run / "config.json").read_bytes()
     subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=out, check=True)
-    assert {*read_sums(out), SUMS} == {*files(out)}
     assert gzip.decompress((out / "evaluations.csv.gz").read_bytes()).startswith(b"run,task,method,variant,seed,epoch")
     publish(runs, out.with_name("v2"))
     assert files(out.with_name("v2")) == files(out)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from lawful import edit_options, sign
 from safetensors.numpy import load_file, save_file
+from synthetic import write_runs
 from tiny_runs import TINY
 
 import curiobench
@@ -18,6 +19,8 @@ from curiobench.analysis import folders, load
 from curiobench.analysis.folders import AGENTS, SUMS, WEIGHTS, read_sums
 from curiobench.analysis.frames import read_results
 from curiobench.analysis.publish import publish
+from curiobench.evaluation import Evaluator
+from curiobench.methods.specs import canonical
 from curiobench.saved_agent import load_agent
 from curiobench.training import train
 
@@ -33,13 +36,23 @@ def hybrid(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def out(finished, hybrid, make_runs, tmp_path):
-    """A published set with agents of sac and mihm, and rows of icm."""
-    folder = tmp_path / "sets" / "v1"
-    lines = publish([finished, hybrid, *make_runs(methods=["icm"], seeds=2)], folder, allow_dirty=True)
+@pytest.fixture(scope="module")
+def published(finished, hybrid, tmp_path_factory):
+    """`runs` of icm, and `sets/v1` with their rows and agents of sac and mihm; not to be altered."""
+    folder = tmp_path_factory.mktemp("published")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("curiobench.analysis.publish.derive", lambda folder: None)
+        runs = [finished, hybrid, *write_runs(folder / "runs", methods=["icm"], seeds=2)]
+        lines = publish(runs, folder / "sets" / "v1", allow_dirty=True)
     assert lines[-1] == "no agent of stack2 icm: runs without a checkpoint"
     return folder
+
+
+@pytest.fixture
+def out(published, tmp_path):
+    """The set, in a copy of that folder."""
+    shutil.copytree(published, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "sets" / "v1"
 
 
 def test_a_published_agent_acts_as_in_evaluations(finished, hybrid, out, monkeypatch):
@@ -57,6 +70,24 @@ def test_a_published_agent_acts_as_in_evaluations(finished, hybrid, out, monkeyp
     assert not np.array_equal(agent.act(*seen), expected)
 
 
+def test_every_shipped_agent_loads_by_its_name():
+    folders = sorted((ROOT / "results" / "v2" / AGENTS).glob("*-*"))
+    assert folders
+    for folder in folders:
+        task, _, method = folder.name.partition("-")
+        config, _ = load_agent(Path(f"v2/{task}/{method}"))
+        assert (config.task, config.method) == (task, canonical(method))
+
+
+def test_a_shipped_agent_reaches_the_success_that_its_set_records():
+    config, agent = load_agent(Path("v2/stack2/icm+hm"))
+    rows = load("v2").evaluations.query(f"run == 'stack2-icm+hm-{config.seed}'")
+    rows = rows[rows["epoch"] == rows["epoch"].max()].set_index("goal")["success"]
+    tested = Evaluator(config.task, config.robot, config.episodes_per_goal).evaluate(agent).rows()
+    found = {row["goal"]: row["success"] for row in tested}
+    assert found == pytest.approx(rows.to_dict(), abs=0.08)  # other processors round otherwise: two episodes of 25
+
+
 def test_it_is_small_and_all_of_its_set_is_signed_and_installed(out, finished):
     checkpoint = max(path.stat().st_size for path in finished.rglob("agent-*.pt"))
     assert (out / AGENTS / "stack2-mihm" / WEIGHTS).stat().st_size < checkpoint / 4
@@ -72,7 +103,7 @@ def test_it_is_small_and_all_of_its_set_is_signed_and_installed(out, finished):
     assert {str(path.relative_to(out)) for glob in globs for path in out.parent.glob(glob)} == written
 
 
-def test_publishing_again_keeps_agents_and_their_bytes(out, finished, hybrid, make_runs, tmp_path):
+def test_publishing_again_keeps_agents_and_their_bytes(out, finished, hybrid, tmp_path):
     again = out.with_name("v2")
     publish([out], again, allow_dirty=True)
     assert (again / SUMS).read_bytes() == (out / SUMS).read_bytes()

@@ -14,26 +14,34 @@ LONG = {
 }
 """Commands that nobody waits for, and their run folders."""
 GONE = {"gone": "| true", "full": ">/dev/full", "closed": ">&- 2>&-"}
+BUFFERED, UNBUFFERED = "", "1"
+"""PYTHONUNBUFFERED: by itself Python writes to a pipe late; containers often tell it not to."""
+both = pytest.mark.parametrize("buffering", [BUFFERED, UNBUFFERED], ids=["buffered", "unbuffered"])
 
 
-@pytest.fixture(autouse=True, params=["buffered", "unbuffered"])
-def _buffering(monkeypatch, request):
-    """By itself Python writes to a pipe late; containers often tell it not to."""
-    monkeypatch.setenv("PYTHONUNBUFFERED", "1" if request.param == "unbuffered" else "")
-
-
-def shell(words, output, folder):
+def shell(words, output, folder, buffering=BUFFERED):
     """Exit code and standard error of a command with its output redirected."""
     command = f"set -o pipefail; {shlex.join([*COMMAND, *words])} {output}"
-    done = subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, check=False, timeout=300)
+    environment = os.environ | {"PYTHONUNBUFFERED": buffering}
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=folder, env=environment, capture_output=True, check=False, timeout=300
+    )
     return done.returncode, done.stderr
 
 
-@pytest.mark.parametrize("output", GONE)
-@pytest.mark.parametrize("command", LONG)
-def test_what_nobody_can_read_finishes(tmp_path, command, output):
+@pytest.mark.parametrize(
+    ("command", "output", "buffering"),
+    [
+        *(("train", output, BUFFERED) for output in GONE),
+        ("train", "full", UNBUFFERED),
+        ("grid", "gone", BUFFERED),
+        ("grid", "closed", BUFFERED),
+        ("grid", "gone", UNBUFFERED),
+    ],
+)
+def test_what_nobody_can_read_finishes(tmp_path, command, output, buffering):
     words, run = LONG[command]
-    code, err = shell(words, GONE[output], tmp_path)
+    code, err = shell(words, GONE[output], tmp_path, buffering)
     assert (tmp_path / run / "result.json").exists()
     assert (code, err) == (0, b"")
 
@@ -50,14 +58,16 @@ def test_a_terminal_that_goes_away_stops_no_run(tmp_path):
     assert (tmp_path / run / "result.json").exists()
 
 
-def test_a_full_disk_is_told_in_one_line(finished, tmp_path):
-    code, err = shell(reading(finished)["table"], ">/dev/full", tmp_path)
+@both
+def test_a_full_disk_is_told_in_one_line(finished, tmp_path, buffering):
+    code, err = shell(reading(finished)["table"], ">/dev/full", tmp_path, buffering)
     assert (code, err) == (2, b"curiobench: [Errno 28] No space left on device\n")
 
 
-def test_a_reader_that_goes_away_gets_no_traceback(finished, tmp_path):
+@both
+def test_a_reader_that_goes_away_gets_no_traceback(finished, tmp_path, buffering):
     """As `curiobench table runs | head -1`."""
-    assert shell(reading(finished)["table"], "| true", tmp_path) == (141, b"")
+    assert shell(reading(finished)["table"], "| true", tmp_path, buffering) == (141, b"")
 
 
 def test_nothing_is_amiss_where_a_stream_is_closed(finished, tmp_path):

@@ -19,7 +19,7 @@ HOSTILE = {
     },
     **{"TERM": "dumb", "NO_COLOR": "1", "TZ": "Mars/Phobos", "HOME": "/dev/null/home"},
     **{"MPLBACKEND": "nonsense", "MUJOCO_GL": "nonsense", "OMP_NUM_THREADS": "nonsense", "CUDA_VISIBLE_DEVICES": ""},
-    **{"PYTHONOPTIMIZE": "1", "PYTHONHASHSEED": "7"},
+    "PYTHONHASHSEED": "7",
 }
 MATPLOTLIBRC = "backend: nonsense\nfont.size: thirty\nlines.linewidth: 30\naxes.facecolor: black\n"
 

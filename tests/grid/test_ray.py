@@ -17,7 +17,11 @@ from curiobench.grid.scheduler import Scheduler
 from curiobench.run_folder import is_locked
 
 pytestmark = pytest.mark.slow
-pytest.importorskip("ray")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _installed():
+    pytest.importorskip("ray")  # seconds to import
 
 
 def run_on(launcher, cells, view, stop=None):

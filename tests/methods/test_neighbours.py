@@ -7,11 +7,6 @@ import torch
 from curiobench.methods.neighbours import neighbour_distances
 
 
-def test_points_on_a_line_by_hand():
-    points, particles = torch.tensor([[0.0], [4.0]]), torch.tensor([[7.0], [0.0], [1.0], [3.0]])
-    assert neighbour_distances(points, particles, 2).tolist() == [[0, 1], [1, 3]]
-
-
 @pytest.mark.parametrize(("n", "p", "size", "k"), [(1, 1, 1, 1), (30, 64, 55, 3), (64, 30, 7, 30)])
 def test_agrees_with_brute_force(n, p, size, k):
     rng = np.random.default_rng(n)

@@ -10,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import torch
+from commands import files
 from states import same_state
 from tiny_runs import TINY
 
@@ -228,15 +229,17 @@ def shows(path, colour) -> bool:
 
 def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, monkeypatch):
     paths = [runs["rnd"], runs["mi+hm"]]
-    table, notes, files = probe(paths, tmp_path / "one", STARTS, seed=3)
+    before = [files(path) for path in paths]
+    table, notes, made = probe(paths, tmp_path / "one", STARTS, seed=3)
     assert notes == []
     assert table.startswith("method ")
-    assert {f.name for f in files} == {
+    assert [files(path) for path in paths] == before
+    assert {file.name for file in made} == {
         "scores.csv",
         "numbers.csv",
         *(f"{name}.{kind}" for name in ("rewards_stack", "rewards_push", "q_int") for kind in ("png", "pdf")),
     }
-    for file in files:
+    for file in made:
         if file.suffix != ".csv":
             assert file.stat().st_size > 10_000, file
         if file.suffix == ".png":

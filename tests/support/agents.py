@@ -107,16 +107,16 @@ def counting(term: float | None = None, cls: type[Counting] = Counting) -> Count
     return cls(0, 0, Counting.Config(term), None)
 
 
-def sac_of(seed: int = 0, layout: PairLayout = SMALL, method: IntrinsicReward | None = None, **config) -> SAC:
+def sac_of(method: IntrinsicReward | None = None, **config) -> SAC:
     """A small agent; settings by name."""
-    return SAC(layout, SACConfig(**{"hidden": 16, **config}), torch.Generator().manual_seed(seed), method)
+    return SAC(SMALL, SACConfig(**{"hidden": 16, **config}), torch.Generator().manual_seed(0), method)
 
 
-def hybrid_of(seed: int = 0, method: IntrinsicReward | None = None, **config) -> HybridAgent:
+def hybrid_of(method: IntrinsicReward | None = None, **config) -> HybridAgent:
     """A small agent whose curiosity is `Counting` unless given; settings of the mechanism and of the agent by name."""
     names = HybridConfig.__dataclass_fields__
     hybrid = HybridConfig(**{name: config.pop(name) for name in list(config) if name in names})
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch.Generator().manual_seed(0)
     return HybridAgent(SMALL, SACConfig(**{"hidden": 16, **config}), generator, method or counting(), hybrid)
 
 

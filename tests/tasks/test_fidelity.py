@@ -11,6 +11,8 @@ from curiobench.tasks import ROBOTS, BatchedStacking
 from curiobench.tasks.robots import GRIP_START
 
 robots = pytest.mark.parametrize("robot", ROBOTS)
+SCRIPTED, RANDOM = {"gripper": 100, "fetch": 40}, {"gripper": 200, "fetch": 100}
+"""Episodes; the arm steps more slowly."""
 
 
 @robots
@@ -20,16 +22,12 @@ def test_start_pose(robot):
     np.testing.assert_allclose(worlds.observe().observation[0, 3:5], 0, atol=1e-6)
 
 
-@robots
-def test_reach_per_step(robot):
+def test_reach_per_step():
     """0.029 m in the first step, 0.032 m in later ones; a millimetre or so is what differs between directions."""
-    steps = fidelity.reach(robot)
-    assert steps[0] == pytest.approx(0.029, abs=0.0025)
-    np.testing.assert_allclose(steps[1:], 0.032, atol=0.002)
-
-
-def test_the_robots_reach_equally_far_per_step():
-    np.testing.assert_allclose(fidelity.reach("gripper"), fidelity.reach("fetch"), atol=0.0005)
+    gripper, fetch = (fidelity.reach(robot) for robot in ("gripper", "fetch"))
+    np.testing.assert_allclose(gripper, fetch, atol=0.0005)
+    assert fetch[0] == pytest.approx(0.029, abs=0.0025)
+    np.testing.assert_allclose(fetch[1:], 0.032, atol=0.002)
 
 
 @robots
@@ -54,8 +52,8 @@ def test_a_held_block_is_really_held(robot):
 @robots
 def test_random_episodes_seldom_change_a_predicate(robot):
     """Plain starts are hard to explore, biased ones easier; why 8 %, not the 1-3 % of task.md: docs/fidelity.md."""
-    plain = fidelity.random_play(robot, biased=False, episodes=200)
-    biased = fidelity.random_play(robot, biased=True, episodes=200)
+    plain = fidelity.random_play(robot, biased=False, episodes=RANDOM[robot])
+    biased = fidelity.random_play(robot, biased=True, episodes=RANDOM[robot])
     assert 0.03 < plain["changed at the end"] < 0.13
     assert 0.18 < biased["changed at the end"] < 0.35
     assert biased["steps outside the valid goals"] < 0.01
@@ -64,27 +62,27 @@ def test_random_episodes_seldom_change_a_predicate(robot):
 @robots
 @pytest.mark.parametrize("script", ["stack_two", "stack_three", "pyramid"])
 def test_scripts_build_what_they_should_and_it_stays_up(robot, script):
-    assert fidelity.script_success(script, robot) >= 0.95
+    assert fidelity.script_success(script, robot, SCRIPTED[robot]) >= 0.95
 
 
 @robots
 @pytest.mark.parametrize("script", ["push_together", "push_off_table"])
 def test_scripts_push(robot, script):
     """`push_together` takes no way round a third block, so that some starts are beyond it."""
-    assert fidelity.script_success(script, robot) >= 0.9
+    assert fidelity.script_success(script, robot, SCRIPTED[robot]) >= 0.9
 
 
 def test_open_loop_motion_agrees_in_free_space():
     """Uniform actions for 25 steps; where the hand presses on the table or the arm folds up, the robots drift apart."""
-    distance, same, path = fidelity.open_loop(fidelity.random_actions(400, 25))
+    distance, same, path = fidelity.open_loop(fidelity.random_actions(200, 25))
     free = fidelity.in_free_space(path)
-    assert free.sum() > 50
+    assert free.sum() > 25
     assert (distance[-1, free] < 0.01).mean() >= 0.99
     assert same[-1].mean() >= 0.95
 
 
 def test_open_loop_manipulation_agrees():
     """A script's actions on the arm, replayed blindly by the gripper: picking and stacking works all the same."""
-    distance, same, _ = fidelity.open_loop(fidelity.scripted_actions("stack_two", 100))
+    distance, same, _ = fidelity.open_loop(fidelity.scripted_actions("stack_two", 40))
     assert (distance[-1] < 0.01).mean() >= 0.95
     assert same[-1].mean() >= 0.95

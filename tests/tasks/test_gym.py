@@ -17,9 +17,7 @@ def env():
     environment.close()
 
 
-@pytest.mark.parametrize(
-    ("task", "robot"), [*((task, task_spec(task).robots[0]) for task in TASKS), ("stack2", "fetch")]
-)
+@pytest.mark.parametrize(("task", "robot"), [("stack3", "gripper"), ("stack2", "fetch")])
 def test_gymnasiums_checker_passes(task, robot):
     environment = gym.make(task_spec(task).gym_id, robot=robot, render_mode="rgb_array")
     with warnings.catch_warnings():
@@ -35,20 +33,20 @@ def test_stable_baselines3s_checker_passes(env):
     checker.check_env(env.unwrapped)
 
 
-def test_stable_baselines3_trains_with_its_hindsight_replay(env):
+def test_stable_baselines3_trains_with_its_hindsight_replay(env, tmp_path, monkeypatch):
     sb3 = pytest.importorskip("stable_baselines3")
+    monkeypatch.setenv("SB3_LOGDIR", str(tmp_path))  # by itself it makes folders in /tmp
     model = sb3.SAC(
         "MultiInputPolicy",
         env,
         replay_buffer_class=sb3.HerReplayBuffer,
         replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
-        learning_starts=200,
+        learning_starts=100,
         batch_size=64,
         policy_kwargs={"net_arch": [64, 64]},
         seed=0,
     )
-    model.learn(2_000)
-    assert model.num_timesteps == 2_000
+    model.learn(200)
     action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
     assert env.action_space.contains(action)
 

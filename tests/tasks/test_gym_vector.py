@@ -124,16 +124,6 @@ def test_vectors_generator_is_the_seeded_one():
     np.testing.assert_array_equal(vector.reset()[0]["observation"], seen["observation"])
 
 
-def test_vector_has_the_functions_of_a_goal_env():
-    vector = make_vec()
-    vector.reset(seed=0)
-    seen, reward, terminated, truncated, info = vector.step(ONES)
-    goals = seen["achieved_goal"], seen["desired_goal"], info
-    np.testing.assert_array_equal(reward, vector.unwrapped.compute_reward(*goals))
-    np.testing.assert_array_equal(terminated, vector.unwrapped.compute_terminated(*goals))
-    np.testing.assert_array_equal(truncated, vector.unwrapped.compute_truncated(*goals))
-
-
 def test_gymnasiums_vector_wrappers_take_it():
     vector = DictInfoToList(RecordEpisodeStatistics(make_vec(autoreset_mode="SameStep", max_episode_steps=2)))
     vector.reset(seed=0)

@@ -7,6 +7,7 @@ import pickle
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from tiny_runs import TINY
@@ -101,7 +102,6 @@ def truncate_manifest(folder):
         (lambda folder: (folder / "agent-2.pt").unlink(), "agent-2.pt"),
         (lambda folder: put_a_pickle(folder, pickle.dumps(Evil(folder / "made by evil"), protocol=2)), "Unpickling"),
         (torch_pickle, "Unpickling"),
-        (lambda folder: put_a_pickle(folder, b"not a checkpoint at all"), "Unpickling"),
         (truncate_manifest, "cannot read"),
         (lambda folder: (folder / "checkpoint-2.json").write_text("[" * 100_000), "cannot read"),
         (lambda folder: (folder / "checkpoint-2.json").write_text("{}"), "format is None"),
@@ -125,10 +125,10 @@ def test_damage_is_named_in_one_line_and_no_code_runs(folder, damage, message):
     assert checkpoint.load(folder, "f")[0]["updates"] == 6
 
 
-@pytest.fixture
-def stopped(tmp_path, monkeypatch):
-    """Folder of a run of TINY that was killed after its second epoch, at its second checkpoint."""
-    save, saves = TrainingRun._save, 0
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory):
+    """Folder of a run of TINY that was killed after its second epoch, at its second checkpoint; not to be altered."""
+    path, save, saves = tmp_path_factory.mktemp("runs") / "killed", TrainingRun._save, 0
 
     def save_and_leave(self):
         nonlocal saves
@@ -137,11 +137,17 @@ def stopped(tmp_path, monkeypatch):
         if saves == 2:
             raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TrainingRun, "_save", save_and_leave)
         with pytest.raises(KeyboardInterrupt):
-            train(TINY, tmp_path / "stopped")
-    return tmp_path / "stopped"
+            train(TINY, path)
+    return path
+
+
+@pytest.fixture
+def stopped(killed, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(killed, tmp_path / "stopped")
 
 
 @pytest.mark.parametrize("name", ["episodes-8-16.npz", "replay-16.json"])
@@ -150,6 +156,16 @@ def test_a_damaged_replay(stopped, name):
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(CheckpointError, match=r"cannot use .*checkpoint-2\.json"):
         train(TINY, stopped, resume=True)
+
+
+def test_a_pickle_in_the_replay_does_not_run(stopped, tmp_path):
+    path = stopped / "checkpoint" / "replay" / "episodes-8-16.npz"
+    with np.load(path) as saved:
+        arrays = dict(saved)
+    np.savez(path, **arrays | {"action": np.array([Evil(tmp_path / "made by evil")])})
+    with pytest.raises(CheckpointError, match="allow_pickle"):
+        train(TINY, stopped, resume=True)
+    assert not (tmp_path / "made by evil").exists()
 
 
 def test_a_damaged_checkpoint_can_be_left_out(stopped, finished):

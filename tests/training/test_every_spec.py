@@ -1,6 +1,6 @@
 """Each kind of method trains in a run, which repeats itself also when it is stopped and resumed.
 
-tests/methods/agents/test_every_agent.py has every method, without a run around it.
+test_train.py has runs without a method.
 """
 
 import os
@@ -17,7 +17,6 @@ from curiobench.state import TrainingState
 from curiobench.training import train
 
 SPECS = {
-    "sac": "no method",
     "dac+hm": "sees the policy, under the hybrid mechanism",
     "mi": "sees particles",
     "re3+hm": "a bonus factor by epoch, under the hybrid mechanism",

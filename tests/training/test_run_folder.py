@@ -14,7 +14,7 @@ import tiny_runs
 from tiny_runs import TINY
 
 from curiobench.config import CONFIG_VERSION
-from curiobench.files import read_json, replace_file
+from curiobench.files import replace_file
 from curiobench.run_folder import RunFolder, read_config, read_record, read_rows
 from curiobench.versions import ENVIRONMENT_VARIABLES
 
@@ -65,10 +65,6 @@ def test_what_is_there_already_is_named(finished, tmp_path):
     for resume in (False, True):
         with pytest.raises(ValueError, match=r"is finished .*; choose another --out$"):  # its replay is gone
             RunFolder(finished, TINY, resume)
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "a.txt").touch()
-    with pytest.raises(ValueError, match=r"other is not empty and is not a run folder \(it holds 'a.txt'"):
-        RunFolder(tmp_path / "other", TINY, resume=True)
 
 
 def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path):
@@ -76,19 +72,6 @@ def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path)
     (tmp_path / "config.json.partial").write_text("{")
     RunFolder(tmp_path, TINY, resume=False).close()
     assert read_config(tmp_path) == TINY
-
-
-def test_a_place_that_is_no_folder(tmp_path):
-    (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(ValueError, match=r"cannot write to .*thesis.tex/run"):
-        RunFolder(tmp_path / "thesis.tex" / "run", TINY, resume=False)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_rights(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(ValueError, match=r"cannot write to .*Permission denied"):
-        RunFolder(tmp_path / "run", TINY, resume=False)
 
 
 @pytest.mark.parametrize(
@@ -145,9 +128,3 @@ def test_rows_reach_a_full_disk_as_an_error(tmp_path):
         (tmp_path / "progress.csv").symlink_to("/dev/full")
         with pytest.raises(OSError, match="No space left"):
             folder.append("progress.csv", [{"epoch": 1}])
-
-
-def test_result_is_strict_json(finished):
-    result = read_json(finished / "result.json")
-    assert result["goals"] == 4
-    assert result["learned_by_layer"].keys() == {"1", "2"}

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from commands import TRAIN
 from tiny_runs import TINY, numbers
 
 from curiobench import checkpoint, training
 from curiobench.config import MachineConfig
-from curiobench.errors import Interrupted, RunFailed, StopRequest
+from curiobench.errors import RunFailed, StopRequest
 from curiobench.evaluation import Evaluator, last_evaluation
 from curiobench.files import read_json, write_json
 from curiobench.run_folder import RunFolder, read_rows
@@ -108,21 +109,22 @@ def test_killed_at_any_write_and_resumed_gives_the_same(finished, tmp_path, monk
     assert numbers(path) == numbers(finished)
 
 
-def test_stops_at_ctrl_c_within_an_epoch(finished, tmp_path, monkeypatch):
-    learn, learned = TrainingState.learn, 0
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stops_at_a_signal_within_an_epoch(cli, finished, tmp_path, monkeypatch, number, code):
+    learn, learned, run = TrainingState.learn, 0, ("--out", tmp_path / "run")
 
     def learn_and_signal(self):
         nonlocal learned
         learn(self)
         learned += 1
         if learned == 3:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
 
     monkeypatch.setattr(TrainingState, "learn", learn_and_signal)
-    with pytest.raises(Interrupted, match=r"stopped in epoch 2 .* --resume") as stopped:
-        train(TINY, tmp_path / "run")
-    assert stopped.value.signal_number == signal.SIGINT
-    train(TINY, tmp_path / "run", resume=True)
+    ended, _, err = cli(*TRAIN, *run)
+    line = f"curiobench: stopped in epoch 2 after a checkpoint; continue {tmp_path / 'run'} with --resume\n"
+    assert (ended, err) == (code, line)
+    assert cli(*TRAIN, *run, "--resume")[0] == 0
     assert numbers(tmp_path / "run") == numbers(finished)
 
 

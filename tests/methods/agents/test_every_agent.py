@@ -1,10 +1,12 @@
-"""Every agent is a function of its seed and its batches, also across a save, whatever its method and networks."""
+"""Every kind of agent is a function of its seed and its batches, also across a save.
+
+`curiobench check` examines each method by itself (tests/check).
+"""
 
 import numpy as np
 import pytest
 import torch
 from agents import random_batch, raw_of
-from curiosity import REWARDS
 from layouts import layout_of
 from states import same_state, through_a_file
 
@@ -12,7 +14,9 @@ from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import make_agent
 from curiobench.methods.specs import HYBRID
 
-SPECS = ["sac", *REWARDS, *(name + HYBRID for name in REWARDS)]
+METHODS = ["icm", "dac", "mi", "ngu"]
+"""One whose reward needs a transition only, one that sees the policy, particles, and whole episodes."""
+SPECS = ["sac", *METHODS, *(name + HYBRID for name in METHODS)]
 CASES = {spec: (spec, {"tune_temperature": True}, {"adaptive_tau": True}) for spec in SPECS} | {
     "zscore": ("rnd+hm", {}, {"q_int_normalisation": "zscore"}),
     "identities": ("sac", {"identities": True}, {}),
