@@ -16,7 +16,8 @@ pytestmark = pytest.mark.slow
 
 FLAGS = shlex.split(
     "--tasks stack2 --methods sac,icm+hm --seeds 1 --preset smoke "
-    "--options epochs=14,cycles=3,worlds=8,updates=6,batch-size=32,episodes-per-goal=3,sac.hidden=16"
+    "--options epochs=14,cycles=3,worlds=8,updates=6,batch-size=32,episodes-per-goal=3,sac.hidden=16,"
+    "replay.capacity=100"  # which overflows
 )
 
 
