@@ -48,7 +48,7 @@ def test_a_new_method_passes_its_check_and_trains(cli, tmp_path):
     assert record["versions"]["method_file"] == str(tmp_path / "my_idea.py")
     assert len(record["versions"]["method_sha256"]) == 64
     assert float(read_rows(tmp_path / "run" / "progress.csv")[-1]["my_idea_loss"]) > 0
-    config, agent = load_agent(tmp_path / "run", {"my_idea:MyIdea+hm"})
+    config, agent = load_agent(tmp_path / "run", "my_idea:MyIdea+hm")
     assert RunConfig.from_json(config.to_json()) == config
     assert agent.learner.curiosity.method.model[0].out_features == 9
 
