@@ -149,13 +149,13 @@ class GoalWorlds:
         Raises:
           ValueError: another kind of environment made the state, or it is not valid. The environment is then unchanged.
         """
-        shapes = {name: array.shape for name, array in self.get_state().items()}
+        before = self.get_state()
+        shapes = {name: array.shape for name, array in before.items()}
         given = {name: np.shape(state[name]) for name in state}
         if given != shapes:
             raise ValueError(f"a state of this environment has the shapes {shapes}, got {given}")
         if not np.isfinite(state["state"]).all():
             raise ValueError("the state holds a number that is not finite")
-        before = self.get_state()
         try:
             self._restore(state)
         except Exception as error:

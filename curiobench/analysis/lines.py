@@ -15,7 +15,7 @@ from curiobench.analysis.canvas import new_figure
 from curiobench.analysis.colours import base
 from curiobench.analysis.samples import Sample
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, labels, method_name, styles
+from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, labels, method_name, names, styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ class _Curves:
 
     def __init__(self, samples: Sequence[Sample], panels: Sequence[Panel]) -> None:
         self.samples = samples
-        self.names, self.styles = labels(samples), styles(samples)
+        self.names, self.labels, self.styles = names(samples), labels(samples), styles(samples)
         self.known: dict[tuple[Sample, str], tuple[np.ndarray, ...]] = {}
         for sample in samples:
             for panel in panels:
@@ -97,7 +97,8 @@ class _Curves:
         gap = max(1, len(x) // 5)
         shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
         marks = list(range(min(shift, len(x) - 1), len(x), gap))
-        axes.plot(x, mean, label=self.names[sample], markevery=marks, clip_on=False, **style)  # markers are not clipped
+        # clip_on: markers at the edge are whole
+        axes.plot(x, mean, label=self.labels[sample], markevery=marks, clip_on=False, **style)
 
     def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
         """Line of a sample in the background."""
@@ -106,7 +107,7 @@ class _Curves:
 
     def looks(self, samples: Sequence[Sample]) -> list[dict]:
         """Names and styles of `samples` for the legend, in the order of all samples."""
-        return [{"label": self.names[s], **self.styles[s]} for s in self.samples if s in samples]
+        return [{"label": self.labels[s], **self.styles[s]} for s in self.samples if s in samples]
 
 
 def _overlaid(curves: _Curves, panels: Sequence[Panel], axis: Axis) -> "Figure":
@@ -155,7 +156,7 @@ def _name_of(curves: _Curves, group: Sequence[Sample]) -> str:
     The legend has the number of seeds.
     """
     of_method = [sample for sample in group if base(sample.method) == base(group[-1].method)]
-    return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]].partition(" (")[0]
+    return method_name(base(group[-1].method)) if len(of_method) > 1 else curves.names[group[-1]]
 
 
 def _grid(figure: "Figure", columns: int, count: int) -> list["Axes"]:

@@ -41,20 +41,22 @@ def styles(samples: Sequence[Sample]) -> dict[Sample, dict[str, Any]]:
     return found
 
 
-def labels(samples: Sequence[Sample]) -> dict[Sample, str]:
-    """Name of each sample: method, variant, and number of seeds if samples differ in it.
-
-    Methods that are not built in and would share a name keep their full spec.
-    """
+def names(samples: Sequence[Sample]) -> dict[Sample, str]:
+    """Name of each sample: method and variant. Methods from outside that would share a name keep their full spec."""
     known = Counter(method_name(spec) for spec in {sample.method for sample in samples})
-    differ = len({sample.n_seeds for sample in samples}) > 1
     found = {}
     for sample in samples:
         name = method_name(sample.method)
         text = name if known[name] == 1 else sample.method
-        text += f", {sample.variant}" if sample.variant else ""
-        found[sample] = f"{text} ({count(sample.n_seeds, 'seed')})" if differ else text
+        found[sample] = text + (f", {sample.variant}" if sample.variant else "")
     return found
+
+
+def labels(samples: Sequence[Sample]) -> dict[Sample, str]:
+    """Name of each sample, and its number of seeds if samples differ in it."""
+    differ = len({sample.n_seeds for sample in samples}) > 1
+    seeds = {sample: f" ({count(sample.n_seeds, 'seed')})" if differ else "" for sample in samples}
+    return {sample: name + seeds[sample] for sample, name in names(samples).items()}
 
 
 def method_name(spec: str) -> str:

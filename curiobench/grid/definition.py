@@ -124,10 +124,12 @@ def _names(value: Any, where: str) -> list[str]:
 
 
 def _seeds(value: Any, where: str) -> list[int]:
-    try:
-        seeds = [int(str(seed)) for seed in (value if isinstance(value, list) else [value])]
-    except ValueError:
-        raise ValueError(f"{where} is {_kind(value)}; expected a number of seeds, or seeds such as [4, 7]") from None
+    seeds = []
+    for seed in value if isinstance(value, list) else [value]:
+        try:
+            seeds.append(int(str(seed)))
+        except ValueError:
+            raise ValueError(f"{where} is {_kind(seed)}; expected a number of seeds, or seeds such as [4, 7]") from None
     return seeds if isinstance(value, list) else _first_seeds(seeds[0])
 
 

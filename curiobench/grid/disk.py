@@ -3,12 +3,13 @@
 import csv
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, is_locked, read_config, read_rows
+from curiobench.run_folder import REPLAY, is_locked, read_config
 
 
 class State(StrEnum):
@@ -98,5 +99,7 @@ def _complete_rows(path: Path) -> list[dict[str, Any]]:
 
 def _count_goals(path: Path) -> int | None:
     """Goals in the first evaluation of a run."""
-    epochs = [row["epoch"] for row in read_rows(path)]
-    return epochs.count(epochs[0]) if epochs else None
+    with open(path, encoding="utf-8", newline="") as file:
+        epochs = (row["epoch"] for row in csv.DictReader(file))
+        _, of_first = next(groupby(epochs), (None, ()))
+        return sum(1 for _ in of_first) or None

@@ -7,7 +7,7 @@ from curiobench.methods.reward import Batch
 
 
 class BatchBuffers:
-    """A batch in float32 buffers at fixed addresses, in the layout that the encoder reads."""
+    """A batch in float32 buffers, which the next batch reuses, in the layout that the encoder reads."""
 
     def __init__(self, layout: PairLayout, batch: Batch, device: torch.device) -> None:
         """
