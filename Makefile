@@ -44,10 +44,10 @@ presets: $(INSTALLED)   ## writes tables of the docs from the runs in results/
 goal-pictures: $(INSTALLED)   ## draws the pictures of goals that reports show
 	$(RUN) docs/make_goal_pictures.py
 
-report-picture: $(INSTALLED)   ## photographs the top of the report on results/v1; needs Chromium
+report-picture: $(INSTALLED)   ## photographs the top of the report on results/v2; needs Chromium
 	$(CHROMIUM) --headless --no-sandbox --disable-gpu --hide-scrollbars --disable-background-networking \
 		--user-data-dir=$$(mktemp -d) --window-size=1280,1500 --screenshot=docs/images/report.png \
-		file://$(CURDIR)/results/v1/report.html
+		file://$(CURDIR)/results/v2/report.html
 
 agents: $(INSTALLED)   ## films the agents of a published set, SET=results/v2, for the page docs/agents.md
 	$(RUN) docs/make_agents.py $(SET)

@@ -43,7 +43,7 @@ LARGEST_SEED = (1 << 31) - 1
 TRACKER_NAMES = ("tensorboard", "wandb", "mlflow")
 """Names of the trackers; `curiobench.trackers` has them."""
 
-PRESET_NAMES = ("paper", "laptop", "short", "smoke")
+PRESET_NAMES = ("paper", "laptop", "smoke")
 """Names of the presets; `curiobench.presets` has their configs."""
 
 StartsName = Literal["biased", "plain"]
@@ -97,7 +97,7 @@ class RunConfig:
     robot: str = "gripper"
     """Robot: gripper (a free-floating hand, several times faster) or fetch (the paper's arm)."""
     preset: str = "laptop"
-    """Preset that gives the defaults of all options below: paper, laptop, short or smoke."""
+    """Preset that gives the defaults of all options below: paper, laptop or smoke."""
 
     epochs: int = 500
     """Epochs of training."""

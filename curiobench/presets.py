@@ -44,20 +44,6 @@ PRESETS = MappingProxyType(
         # between that sum and the mean over one batch of 16 × 256
         "paper": RunConfig(preset="paper", worlds=16, rollouts=2, updates=30, batch_size=16 * 256),
         "laptop": _LAPTOP,
-        # the agent that results/v1 was made with
-        "short": RunConfig(
-            preset="short",
-            epochs=20,
-            cycles=40,
-            worlds=64,
-            rollouts=1,
-            updates=60,
-            batch_size=512,
-            biased_from_epoch=0,
-            evaluate_every=1,
-            replay=ReplayConfig(satisfied_cap=0.3),
-            sac=SACConfig(gamma=0.95, temperature=0.1, hidden=64),
-        ),
         "smoke": replace(
             _LAPTOP,
             preset="smoke",
@@ -95,7 +81,6 @@ PRESET_LINES = MappingProxyType(
     {
         "paper": "the paper's full scale: 500 epochs, 40 M steps; weeks on one core",
         "laptop": "what plain SAC needs on one core: minutes for stack2, half an hour for stack3",
-        "short": "the former agent, which results/v1 was made with: 20 epochs",
         "smoke": "a minute: shows that everything works, learns next to nothing",
     }
 )

@@ -55,7 +55,7 @@ for make in (gymnasium.make, lambda name: gymnasium.make_vec(name, 2, "vector_en
 import curiobench
 try: curiobench.train
 except ImportError as error: print(error)
-try: curiobench.analysis.load("v1")
+try: curiobench.analysis.load("v2")
 except ImportError as error: print(error)
 """
     code, out, err = outcome(code, tmp_path)
@@ -69,10 +69,10 @@ NEEDED = "training and results need the extra `train`: pip install 'curiobench[t
 def test_commands_name_the_extra_that_they_lack(tmp_path):
     arguments = {"new-method": "mine", "check": "rnd", "evaluate": "run", "probe": "run", "train": "--out run"}
     arguments |= {"grid": "--tasks stack2 --methods sac --out grid", "video": "run --goal close"}
-    arguments |= {"publish": "v1 --out set", "list": ""}
+    arguments |= {"publish": "v2 --out set", "list": ""}
     code = f"""
 from curiobench.cli import main
-for command in {[f"{name} {arguments.get(name, 'v1')}" for name in COMMANDS]}:
+for command in {[f"{name} {arguments.get(name, 'v2')}" for name in COMMANDS]}:
     sys.argv = ["curiobench", *command.split()]
     try: main()
     except SystemExit as ended: print(command.split()[0], ended.code)

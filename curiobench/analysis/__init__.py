@@ -13,7 +13,7 @@ __all__ = ["available", "load"]
 
 
 def load(name: str | Path) -> "Results":
-    """Published results by name, one of `available()` such as "v1", or by the path of a published set.
+    """Published results by name, one of `available()` such as "v2", or by the path of a published set.
 
     Raises ValueError where there is no such set, or a file of it is damaged, ImportError without the extra `train`.
     """

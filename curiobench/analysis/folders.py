@@ -120,7 +120,7 @@ def locate(name: str | Path) -> Path:
 
 
 def by_name(path: Path) -> Path:
-    """Folder of the published set in this package with a name such as v1. Any other path is returned unchanged."""
+    """Folder of the published set in this package with a name such as v2. Any other path is returned unchanged."""
     name = str(path)
     return _home() / name if _VERSION.fullmatch(name) and not os.path.lexists(path) and name in available() else path
 

@@ -84,7 +84,7 @@ def read_results(
 
     Args:
         paths: run folders, folders of run folders (such as a grid's), published sets; or names of the sets that come
-            with this package, such as v1, where there is no such folder.
+            with this package, such as v2, where there is no such folder.
         partial: also take runs that are not finished.
         every_goal: whether `evaluations` holds all evaluations; otherwise only the last one of each run.
         progress: whether to read progress.csv. Names of columns read these and those that every run has, of runs that

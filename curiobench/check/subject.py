@@ -108,7 +108,7 @@ class Subject:
         return Batch(seen.state, seen.action, seen.next_state, *goals, reward, **given, **of_episodes)
 
     def agent(self, method: IntrinsicReward | None = None) -> SAC:
-        """A small agent, as the preset short has it."""
+        """A small agent."""
         return SAC(self.layout, SACConfig(hidden=64), torch.Generator().manual_seed(0), method)
 
 

@@ -175,7 +175,7 @@ class PublishArguments:
 
     runs: Runs
     out: Path
-    """Folder of the set, such as results/v1."""
+    """Folder of the set, such as results/v2."""
     allow_dirty: Switch = False
     """Also publish runs of code with uncommitted changes, or of an unknown commit."""
     replace: Switch = False

@@ -143,7 +143,7 @@ def test_the_command_of_every_run_is_there(text, runs):
 def test_summary_and_warnings_come_from_the_data(text):
     lead = Page(text).texts["p"][0]
     assert "stack3: 9 methods × 2 seeds, 18 runs, all complete." in lead
-    assert "Gripper, short preset: 4 epochs, 4,000 steps a run." in lead
+    assert "Gripper, laptop preset: 4 epochs, 4,000 steps a run." in lead
     assert "So few seeds do not rank them." in lead
     assert "on 2026-11-22 on Test CPU, 2 cores" in lead
     warning = next(part for part in Page(text).texts["div"] if part.startswith("Before you compare"))

@@ -44,8 +44,9 @@ def published(lawful, tmp_path_factory):
     """A published set of `lawful`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(publish_module, "derive", lambda folder: None)
-        publish([lawful], tmp_path_factory.mktemp("published") / "v7")
-    return tmp_path_factory.getbasetemp() / "published0" / "v7"
+        out = tmp_path_factory.mktemp("published") / "v7"
+        publish([lawful], out)
+    return out
 
 
 def verdicts(folder, against=PRESETS_ONLY):
@@ -115,7 +116,7 @@ def few_updates(folder):
     edit_json(first(folder) / "result.json", lambda result: result.update(updates=10 * EPOCHS))
 
 
-REPLAY = {"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True}  # an option is missing
+REPLAY = {"capacity": 20_000, "relabel_share": 0.8, "balance_goals": True}  # options are missing
 COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the method's own"
 
 
@@ -147,7 +148,7 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
             "sac.gamma is 0.9, not 0.95 (stack2-sac-0, ",
         ),
         (each(lambda path: edit_options(path, turbo=True)), OPTIONS, "'turbo' is not an option"),
-        (each(lambda path: edit_options(path, replay=REPLAY)), OPTIONS, "replay.satisfied_cap is missing, not 0.3"),
+        (each(lambda path: edit_options(path, replay=REPLAY)), OPTIONS, "replay.satisfied_cap is missing, not 0.2"),
         (
             lambda f: rewrite(first(f), steps=1000),
             "steps and updates as the options say",
@@ -270,7 +271,7 @@ def test_command(runs, published, check):
     assert "\nFAIL  version of the tasks\n      version 2, not 1 (stack2-sac-0)\n" in out
 
 
-@pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v1", "v2"], "v2")])
+@pytest.mark.parametrize(("sets", "against"), [([], "the presets"), (["v2", "v3"], "v3")])
 def test_the_newest_set_is_compared_with_by_default(runs, published, monkeypatch, check, sets, against):
     monkeypatch.setattr(submission, "available", lambda: sets)
     monkeypatch.setattr(submission, "load", lambda name: load(published))

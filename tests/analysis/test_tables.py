@@ -102,7 +102,7 @@ def test_each_task_has_its_own_notes(make_runs, tmp_path):
     results = read_results([tmp_path / "runs"])
     notes = {table.title: table.notes for table in tables(results)}
     assert notes["stack2: learned goals"] == (
-        "gripper, short preset: 4 epochs, 4,000 steps a run",
+        "gripper, laptop preset: 4 epochs, 4,000 steps a run",
         "before training: 0.0 of 4 goals",
         "[ ] 95 % bootstrap interval over seeds",
         "3 seeds are too few to conclude: intervals of fewer than 10 are much too narrow",
@@ -110,7 +110,7 @@ def test_each_task_has_its_own_notes(make_runs, tmp_path):
     assert notes["stack2: success"][1] == "before training: success 0.00"
     one = "P of 0 or 1 has no interval; with so few seeds, one in 10 comparisons of equals gives it"
     assert notes["stack2: success"][-1] == one
-    assert notes["stack3: learned goals"][0] == "gripper, short preset with updates=7: 4 epochs, 4,000 steps a run"
+    assert notes["stack3: learned goals"][0] == "gripper, laptop preset with updates=7: 4 epochs, 4,000 steps a run"
     assert notes["stack3: success"][3:] == (
         "1 seed of mihm: no interval, and nothing to conclude about the method",
         "2 seeds of sac are too few to conclude: intervals of fewer than 10 are much too narrow",

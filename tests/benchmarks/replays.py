@@ -15,7 +15,7 @@ STEPS = 50
 
 
 def filled_replay(
-    layout: PairLayout, config: ReplayConfig = PRESETS["short"].replay, episodes: int = 400
+    layout: PairLayout, config: ReplayConfig = PRESETS["paper"].replay, episodes: int = 400
 ) -> EpisodeReplay:
     """Random episodes whose goal changes once, somewhere; as many goals as three blocks have."""
     rng = np.random.default_rng(0)

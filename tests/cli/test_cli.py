@@ -30,7 +30,7 @@ TRAINS = ("torch", "numba", "ray")
             ["--help", "--version", "list", *(f"{name} --help" for name in COMMANDS)],
             [*SIMULATES, *TRAINS, "pandas", "matplotlib", "yaml"],
         ),
-        (["table v1", "submit-check v1 --against v1", "report v1"], [*SIMULATES, *TRAINS]),
+        (["table v2", "submit-check v2 --against v2", "report v2"], [*SIMULATES, *TRAINS]),
         (["check rnd"], [*SIMULATES, "matplotlib", "seaborn"]),
     ],
     ids=["help", "results", "check"],
@@ -112,7 +112,7 @@ def test_a_command_to_paste_is_quoted(cli, finished, tmp_path):
 
 
 @pytest.mark.parametrize("variable", ["NO_COLOR=1", "TERM=dumb"])
-@pytest.mark.parametrize("command", ["table --help", "table v1"])
+@pytest.mark.parametrize("command", ["table --help", "table v2"])
 def test_terminals_without_colour_get_no_codes(variable, command):
     shown = on_terminal({"TERM": "xterm", "NO_COLOR": None}, command)
     assert b"\x1b" in shown

@@ -16,13 +16,13 @@ from curiobench.tasks.registration import TASK_VERSION
 
 OUTSIDE = "pkg.mod:Class"
 """A method that cannot be imported."""
-EPOCHS, STEPS, UPDATES = 20, 128_000, 2_400
-"""Epochs of the short preset, and steps and updates of each."""
+EPOCHS, STEPS, UPDATES = 6, 128_000, 2_400
+"""Epochs of the laptop preset on stack2, and steps and updates of each."""
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
 
 def write_lawful(folder: Path) -> list[Path]:
-    """Write run folders of the short preset, four seeds of sac and of `OUTSIDE`."""
+    """Write run folders of the laptop preset, four seeds of sac and of `OUTSIDE`."""
     paths = write_runs(folder, methods=["sac", OUTSIDE], seeds=4, epochs=EPOCHS)
     for number, path in enumerate(paths):
         edit_versions(path, git_commit=COMMIT, task_version=TASK_VERSION, evaluation_seed=EVALUATION_SEED)

@@ -10,7 +10,7 @@ import numpy as np
 
 from curiobench.config import CONFIG_VERSION
 from curiobench.methods.specs import canonical
-from curiobench.presets import PRESETS
+from curiobench.presets import preset
 from curiobench.run_folder import RUN_FORMAT
 from curiobench.tasks.registration import task_spec
 
@@ -65,7 +65,7 @@ def write_runs(
         seeds: or how many from 0 on.
         epochs: of the runs, with an evaluation after each and one before the first.
         success: see `Success`.
-        options: that differ from the short preset, by dotted name: `{"sac.tau": 0.1}`.
+        options: that differ from the laptop preset, by dotted name: `{"sac.tau": 0.1}`.
         complete: with a result.json; otherwise the config plans twice the epochs.
         grid: also write grid.json, which expects these runs.
         suffix: of the folder names.
@@ -114,7 +114,7 @@ def write_run(
 
 
 def _write_config(path: Path, task: str, method: str, seed: int, epochs: int, options: Mapping[str, Any]) -> None:
-    config = copy.deepcopy(PRESETS["short"].to_json())
+    config = copy.deepcopy(preset("laptop", task).to_json())
     config |= {"task": task, "method": canonical(method), "seed": seed, "epochs": epochs}
     config["method_config"] = None if method == "sac" else {"hidden": 128}
     for name, value in options.items():

@@ -128,9 +128,8 @@ def test_schedules_are_passed_through_at_the_papers_pace(name, task):
     assert config.paper_epoch(config.epochs) == 500
 
 
-@pytest.mark.parametrize("name", ["paper", "short"])
-def test_schedules_count_the_runs_own_epochs(name):
-    config = preset(name, "stack3")
+def test_schedules_of_the_papers_length_count_epochs():
+    config = preset("paper", "stack3")
     assert [config.paper_epoch(3, cycle) for cycle in range(config.cycles)] == [3] * config.cycles
 
 
