@@ -4,15 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from make_presets import DOCS
 from scipy import stats
-from sections import markdown, write_section
+from sections import DOCS, markdown, write_section
 
 from curiobench.analysis import load
 from curiobench.analysis.canvas import matplotlib_settings, new_figure, save_figure
 from curiobench.analysis.colours import COLOURS
 from curiobench.analysis.frames import Results, read_results
-from curiobench.run_folder import read_json, read_rows
+from curiobench.run_folder import read_json
 
 RESULTS = DOCS.parent / "results"
 COMMAND = "make presets"
@@ -85,31 +84,18 @@ def last_epochs(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[frame["epoch"] == frame.groupby("run", observed=True)["epoch"].transform("max")]
 
 
-def before_and_after(results: Results) -> str:
-    """One row per method and seed: success and spread of the bonus at the end, before and after the changes."""
-    layers, progress = (last_epochs(frame).set_index("run") for frame in (results.layers, results.progress))
-    after = layers[layers["layer"] == 0]["success"]
-    rows = []
-    for run in sorted((RESULTS / "before").glob("stack2-*")):
-        method, _, seed = run.name.removeprefix("stack2-").rpartition("-")
-        before = read_json(run / "result.json")["success"]
-        spreads = float(read_rows(run / "progress.csv")[-1]["bonus_spread"]), progress["bonus_spread"][run.name]
-        rows.append([method, seed, f"{before:.2f}", f"{after[run.name]:.2f}", *(f"{value:.3f}" for value in spreads)])
-    head = ["method", "seed", "success before", "success after", "spread of the bonus before", "after"]
-    return markdown(head, rows)
-
-
 def final_table(results: Results, methods: tuple[str, ...]) -> str:
-    """One row per run: mean success at each evaluation, success by layer and goals learned at the end."""
+    """One row per run: its length, mean success at each evaluation, success by layer and goals learned at the end."""
     layers = results.layers[results.layers["method"].isin(methods)]
+    minutes = last_epochs(results.progress).set_index("run")["seconds"] / 60
     rows = []
     for run, of_run in layers[layers["epoch"] > 0].groupby("run", observed=True):
         means = " · ".join(f"{value:.2f}" for value in of_run[of_run["layer"] == 0]["success"])
         last = last_epochs(of_run).set_index("layer")
         by_layer = " / ".join(f"{value:.2f}" for value in last["success"].drop(0))
         learned = f"{last['learned'][0]} of {last['goals'][0]}"
-        rows.append([str(run), means, by_layer, learned])
-    return markdown(["run", "mean success over training", "by layer at the end", "learned"], rows)
+        rows.append([str(run), f"{minutes[run]:.0f}", means, by_layer, learned])
+    return markdown(["run", "minutes", "mean success at each evaluation", "by layer at the end", "learned"], rows)
 
 
 def learned_table(results: Results, task: str) -> str:
@@ -132,7 +118,6 @@ if __name__ == "__main__":
     write_section(DOCS / "methods" / "tau.md", "tau", tau_table(sweep), COMMAND)
     write_section(DOCS / "methods" / "tau.md", "differences", tau_differences(sweep), COMMAND)
     draw_tau(sweep, DOCS / "images" / "tau.png")
-    write_section(DOCS / "methods" / "before_after.md", "before and after", before_and_after(results), COMMAND)
     table = final_table(results, ("sac", "mihm", "decstr", "mcher"))
     write_section(DOCS / "methods" / "table4.md", "table 4", table, COMMAND)
     future = read_results([RESULTS / "future"])

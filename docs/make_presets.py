@@ -3,12 +3,14 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sections import markdown, write_section
+from make_methods import RESULTS, final_table
+from sections import DOCS, markdown, write_section
 
+from curiobench.analysis import load
+from curiobench.analysis.frames import read_results
 from curiobench.run_folder import read_rows
 
-DOCS = Path(__file__).parent
-RUNS = DOCS.parent / "results" / "agent"
+RUNS = RESULTS / "agent"
 PARTS_EPOCH = 4
 """Epoch at which agents with and without a part are compared."""
 
@@ -32,22 +34,6 @@ def mean(rows: Rows) -> float:
 def evaluation(run: Path, epoch: int) -> list[dict[str, str]]:
     """A run's rows, one per goal, after some epoch."""
     return [row for row in read_rows(run / "evaluations.csv") if int(row["epoch"]) == epoch]
-
-
-def curve_table(runs: Iterable[Path], every: int = 1) -> str:
-    """One row per run and evaluation of every so many epochs, and of the last one; the untrained agent's apart."""
-    table = []
-    for run in runs:
-        of_run = read_rows(run / "progress.csv")
-        for progress in of_run:
-            epoch = int(progress["epoch"])
-            rows = evaluation(run, epoch)
-            if rows and (epoch % every == 0 or progress is of_run[-1]):
-                minutes = f"{float(progress['seconds']) / 60:.1f}"
-                learned = f"{sum(int(row['learned']) for row in rows)} of {len(rows)}"
-                head = [run.name, progress["epoch"], progress["updates"], minutes]
-                table.append([*head, by_layer(rows), f"{mean(rows):.2f}", learned])
-    return markdown(["run", "epoch", "updates", "minutes", "success by layer", "mean", "learned"], table)
 
 
 def parts_table(whole: Iterable[Path], parts: Iterable[Path]) -> str:
@@ -75,15 +61,14 @@ def sb3_table(path: Path) -> str:
 
 if __name__ == "__main__":
     page = DOCS / "presets.md"
+    sac = ("sac",)
     tables = {
-        "stack2": curve_table(sorted(RUNS.glob("stack2-sac-?"))),
-        "stack3": curve_table(sorted(RUNS.glob("stack3-sac-?")), every=4),
-        "with entropy": curve_table(sorted(RUNS.glob("with-entropy/stack?-sac-?")), every=100),
+        "sac": final_table(load("v2"), sac),
+        "longer": final_table(read_results([RUNS / "longer"]), sac),
+        "biased starts": final_table(read_results([RUNS / "biased"]), sac),
         "parts": parts_table(sorted(RUNS.glob("biased/stack2-sac-[01]")), sorted(RUNS.glob("parts/*"))),
         "sb3 on stack2": sb3_table(RUNS / "sb3-stack2.csv"),
         "sb3 on stack3": sb3_table(RUNS / "sb3-stack3.csv"),
-        "longer": curve_table(sorted(RUNS.glob("longer/*")), every=4),
-        "biased starts": curve_table(sorted(RUNS.glob("biased/*")), every=8),
     }
     for name, table in tables.items():
         write_section(page, name, table, "make presets")

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+DOCS = Path(__file__).parent
+
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
     """A table."""
