@@ -3,7 +3,10 @@
 import sys
 from pathlib import Path
 
+import pandas as pd
+
 from curiobench.analysis.folders import AGENTS, agents_of
+from curiobench.analysis.frames import read_results
 from curiobench.run_folder import read_record
 from curiobench.saved_agent import load_agent
 from curiobench.tasks.registration import task_spec
@@ -24,26 +27,30 @@ curiobench evaluate {name}/stack3/mihm                                   # its s
 
 `curiobench.load_agent("{name}/stack3/mihm")` gives it to Python ([more](publishing.md#agents)).
 
-| agent | goal | reached | video |
-|---|---|---|---|
+| agent | goal | success in 25 tests | reached in the video | video |
+|---|---|---|---|---|
 """
 
 
-def row(folder: Path, name: str) -> str:
-    """A row of the table; makes a video of the agent of this name."""
+def row(folder: Path, name: str, tests: pd.DataFrame) -> str:
+    """A row of the table; makes a video of the agent of this name. `tests` has the set's last evaluations."""
     trained = read_record(folder / AGENTS / name)["config"]
     config, agent = load_agent(folder / trained["task"] / trained["method"])
     space = task_spec(config.task).goal_space
     goal = space.names[int(space.layers.argmax())]
     picture, reached = film(agent, config, goal, PICTURES / f"{name}.webp", folder)
+    of_method = tests[tests["task"].str.cat(tests["method"].astype(str), "-") == name]
+    of_method = of_method[(of_method["seed"] == config.seed) & (of_method["variant"] == "")]
+    success = of_method.set_index("goal")["success"][goal]
     link = f'<img width="240" src="{picture.relative_to(DOCS)}" alt="{name}: {goal}">'
-    return f"| {name} | {goal} | {'yes' if reached else 'no'} | {link} |\n"
+    return f"| {name} | {goal} | {success:.2f} | {'yes' if reached else 'no'} | {link} |\n"
 
 
 def main() -> None:
     """Write the page."""
     folder = Path(sys.argv[1]).resolve()
-    rows = [row(folder, name) for name in agents_of(folder)]
+    tests = read_results([folder], every_goal=False).evaluations
+    rows = [row(folder, name, tests) for name in agents_of(folder)]
     (DOCS / "agents.md").write_text(HEAD.format(name=folder.name) + "".join(rows), encoding="utf-8")
 
 
