@@ -3,8 +3,8 @@
 import hashlib
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -119,24 +119,26 @@ class Trackers:
         self._note = note
         self._trackers: dict[str, Tracker] = {}
         for name in config.machine.trackers:
-            self._try(
-                name, lambda name=name: self._trackers.update({name: TRACKERS[name](config, folder, first_epoch)})
-            )
+            with self._left_out_on_error(name):
+                self._trackers[name] = TRACKERS[name](config, folder, first_epoch)
 
     def log(self, row: Mapping[str, Any]) -> None:
         """Called with every row of progress.csv."""
         values = {name: float(value) for name, value in row.items() if value is not None and name != "epoch"}
         for name, tracker in list(self._trackers.items()):
-            self._try(name, partial(tracker.log, values, row["epoch"]))
+            with self._left_out_on_error(name):
+                tracker.log(values, row["epoch"])
 
     def close(self) -> None:
         """The run ends."""
         for name, tracker in list(self._trackers.items()):
-            self._try(name, tracker.close)
+            with self._left_out_on_error(name):
+                tracker.close()
 
-    def _try(self, name: str, act: Callable[[], object]) -> None:
+    @contextmanager
+    def _left_out_on_error(self, name: str) -> Iterator[None]:
         try:
-            act()
+            yield
         except Exception as error:  # a full disk, no network, or whatever else they do
             self._trackers.pop(name, None)
             self._note(f"{name} tracks no longer: {' '.join(str(error).split()) or type(error).__name__}")

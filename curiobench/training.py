@@ -8,7 +8,6 @@ from pathlib import Path
 
 from curiobench import checkpoint
 from curiobench.analysis.canvas import draw_learning_curve
-from curiobench.build import check_device
 from curiobench.config import RunConfig
 from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed, StopRequest
@@ -38,7 +37,6 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         RunFailed: NaN, a full disk, an error in a method. `error.log` in the folder has the traceback.
         Interrupted: on Ctrl-C or SIGTERM.
     """
-    check_device(config.device)
     check_installed(config.machine.trackers)
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:

@@ -102,7 +102,7 @@ class Scheduler:
 
     def _collect_ended(self) -> None:
         for status in self._running():
-            status.reader.update()
+            status.read_progress()
             if (code := status.job.poll()) is not None:
                 status.job = None
                 self._ended(status, code)
