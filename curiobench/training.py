@@ -115,8 +115,9 @@ class TrainingRun:
         with self.state.counters.timed("evaluating"):
             evaluation = self.evaluator.evaluate(self.state.agent)
         head = {"epoch": epoch, "steps": self.state.counters.steps}
-        self.folder.append("evaluations.csv", [head | row for row in evaluation.rows()])
-        self.display.evaluation(evaluation.learned_by_layer())
+        rows = [head | row for row in evaluation.rows()]
+        self.folder.append("evaluations.csv", rows)
+        self.display.evaluation(learned_by_layer(rows))
         return evaluation
 
     def _stop_if_asked(self) -> None:

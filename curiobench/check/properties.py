@@ -17,7 +17,7 @@ from torch import Tensor
 
 from curiobench.build import pair_layout
 from curiobench.check import Finding, Skipped
-from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot, used_globals
+from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import error_line
 from curiobench.methods.reward import IntrinsicReward, Transitions
@@ -42,13 +42,13 @@ def examine(method: type[IntrinsicReward]) -> list[Finding]:
     """
     subject = Subject(method, pair_layout(goal_space(2)))
     with seeded_globals():
-        first = finding("is built, rewards and learns", _runs, subject)
+        first = finding("is built, rewards and learns", Subject.trained, subject)
         if first.verdict == "FAIL":
             return [first, *(Finding(name, "skip", "it does not run") for name in [*PROPERTIES, COST])]
         return [first, *(finding(name, tried, subject) for name, tried in PROPERTIES.items()), cost(subject)]
 
 
-def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Finding:
+def finding(name: str, tried: Callable[[Subject], object], subject: Subject) -> Finding:
     """The finding for one property."""
     try:
         tried(subject)
@@ -61,10 +61,6 @@ def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Fi
     return Finding(name, "pass")
 
 
-def _runs(subject: Subject) -> None:
-    subject.trained()
-
-
 def expect(holds: bool, expected: str, found: object) -> None:
     """Raises Broken unless a property holds."""
     if not holds:
@@ -73,7 +69,8 @@ def expect(holds: bool, expected: str, found: object) -> None:
 
 def no_global_randomness(before: tuple) -> None:
     """Raises Broken where a global generator is not as before."""
-    used = used_globals(before)
+    states = zip(("torch", "numpy", "random"), before, global_generators(), strict=True)
+    used = ", ".join(name for name, then, now in states if not same(then, now))
     expect(not used, "all randomness from the given generator", f"the global one of {used} was used")
 
 

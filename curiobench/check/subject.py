@@ -147,12 +147,6 @@ def seeded_globals() -> Iterator[None]:
         random.setstate(before[2])
 
 
-def used_globals(before: tuple[Tensor, tuple, tuple]) -> str:
-    """Names of the global generators that are no longer as before."""
-    states = zip(("torch", "numpy", "random"), before, global_generators(), strict=True)
-    return ", ".join(name for name, then, now in states if not same(then, now))
-
-
 def global_generators() -> tuple[Tensor, tuple, tuple]:
     """States of the global generators of torch, numpy and Python."""
     return torch.get_rng_state(), np.random.get_state(), random.getstate()  # noqa: NPY002

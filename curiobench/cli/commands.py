@@ -55,15 +55,15 @@ def grid(arguments: GridArguments) -> None:
 
 def evaluate(arguments: EvaluateArguments) -> None:
     """Test a run's agent and print its learned goals."""
-    from curiobench.evaluation import Evaluator, format_goals, format_layers
+    from curiobench.evaluation import Evaluator, format_goals, format_layers, learned_by_layer
     from curiobench.saved_agent import load_agent
 
     config, agent = load_agent(arguments.run, arguments.method)
     episodes = config.episodes_per_goal if arguments.episodes is None else arguments.episodes
-    evaluation = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent)
+    rows = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent).rows()
     if arguments.goals:
-        print(format_goals(evaluation.rows()), end="\n\n")
-    print(format_layers(evaluation.learned_by_layer()))
+        print(format_goals(rows), end="\n\n")
+    print(format_layers(learned_by_layer(rows)))
 
 
 def video(arguments: VideoArguments) -> None:
@@ -115,8 +115,7 @@ def probe(arguments: ProbeArguments) -> None:
     """Print controllability scores of runs, and draw intrinsic rewards along scripted episodes."""
     from curiobench.probe.report import probe
 
-    options = arguments.starts, arguments.seed, arguments.method, arguments.as_of_epoch, arguments.among
-    scores, notes, files = probe(arguments.runs, arguments.out, *options)
+    scores, notes, files = probe(arguments)
     print("\n".join([*notes, scores, "", *map(str, files)]))
 
 
