@@ -129,6 +129,8 @@ def same(first: Any, second: Any) -> bool:
         return first.keys() == second.keys() and all(same(value, second[key]) for key, value in first.items())
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):
         return len(first) == len(second) and all(map(same, first, second))
+    if isinstance(first, PolicyView) and isinstance(second, PolicyView):
+        return same(vars(first), vars(second))
     return bool(np.all(first == second))
 
 

@@ -11,7 +11,6 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from curiobench import terminal
 from curiobench.display import Terminal, duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
@@ -93,11 +92,6 @@ class LiveGridView(PlainGridView):
         statuses, slots = self._frame
         self._live.update(overview(statuses, slots, self._console.height), refresh=True)
         self._drawn = time.monotonic()
-
-
-def view() -> PlainGridView:
-    """The view for stdout: live on a capable terminal, otherwise lines."""
-    return LiveGridView() if terminal.draws() else PlainGridView()
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:

@@ -11,8 +11,9 @@ from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
-from curiobench.grid.overview import PlainGridView, status_line, view
+from curiobench.grid.overview import LiveGridView, PlainGridView, status_line
 from curiobench.grid.scheduler import Scheduler
+from curiobench.terminal import draws
 
 
 def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
@@ -44,7 +45,7 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     launcher = _launcher(arguments, out)
     try:
         write_record(out, cells, command)
-        train_cells(cells, launcher, arguments.retries, view())
+        train_cells(cells, launcher, arguments.retries, LiveGridView() if draws() else PlainGridView())
     finally:
         launcher.close()
     Terminal().say(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
