@@ -16,7 +16,7 @@ from curiobench.files import utf8
 from curiobench.methods.guard import MethodError
 from curiobench.methods.plugins import error_line
 from curiobench.methods.process import tune_process
-from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
+from curiobench.run_folder import CHECKPOINT, REPLAY, RunFolder, read_record, read_rows
 from curiobench.state import TrainingState, progress_row, result
 from curiobench.trackers import check_installed
 from curiobench.versions import versions
@@ -127,22 +127,22 @@ class TrainingRun:
             raise Interrupted(f"{message}; continue {self.folder.path} with --resume", self.stop.number)
 
     def _save(self) -> None:
-        path = self.folder.checkpoint
+        path = self.folder.path / CHECKPOINT
         with self.state.counters.timed("checkpointing"):
             self.state.counters.note_memory()
-            values = self.state.save(self.folder.replay) | {"csv_sizes": self.folder.csv_sizes()}
+            values = self.state.save(self.folder.path / REPLAY) | {"csv_sizes": self.folder.csv_sizes()}
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 
     def _restore(self) -> None:
         """Restore the newest checkpoint, if any, and remove rows of the csv files that were written after it."""
-        path = self.folder.checkpoint
+        path = self.folder.path / CHECKPOINT
         saved = checkpoint.load(path, self.config.fingerprint())
         if saved is None:
             self.folder.truncate(dict.fromkeys(self.folder.csv_sizes(), 0))
             return
         agent, values = saved
         with checkpoint.errors_named(path):
-            self.state.load(self.folder.replay, agent, values)
+            self.state.load(self.folder.path / REPLAY, agent, values)
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
@@ -157,7 +157,7 @@ class TrainingRun:
         self.display.note(f"learning curve: {curve}\nresult: {self.folder.path / 'result.json'}")
         shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
         if not self.config.machine.keep_replay:
-            shutil.rmtree(self.folder.replay, ignore_errors=True)
+            shutil.rmtree(self.folder.path / REPLAY, ignore_errors=True)
 
 
 def _changed_versions(path: Path, method: str) -> str:
