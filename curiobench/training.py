@@ -52,7 +52,8 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         except (Interrupted, KeyboardInterrupt):
             raise
         except Exception as error:
-            raise RunFailed(f"{out}: {run.where}: {error_line(error)}{_kept(out)}") from error
+            where = f"epoch {run.state.counters.epoch + 1}, cycle {run.state.counters.cycle + 1}"
+            raise RunFailed(f"{out}: {where}: {error_line(error)}{_kept(out)}") from error
         finally:
             run.display.close()
 
@@ -92,11 +93,6 @@ class TrainingRun:
                 self._stop_if_asked()
             self._end_epoch()
         self._finish()
-
-    @property
-    def where(self) -> str:
-        """The current epoch and cycle, for messages; both count from 1."""
-        return f"epoch {self.state.counters.epoch + 1}, cycle {self.state.counters.cycle + 1}"
 
     def _end_epoch(self) -> None:
         """Evaluate and save if they are due, and write the epoch's row of progress.csv."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
@@ -68,7 +67,8 @@ def read_progress(path: Path, known: Progress) -> Progress:
         file = (path / "progress.csv").stat()
         if (file.st_size, file.st_mtime) == (known.size, known.written):
             return known
-        rows = _complete_rows(path / "progress.csv")
+        text = (path / "progress.csv").read_text(encoding="utf-8")
+        rows = list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))  # without a row that is not whole yet
         if not rows:
             return Progress()
         learned = [int(row["goals_learned"]) for row in rows if row["goals_learned"]] or [None]
@@ -77,12 +77,6 @@ def read_progress(path: Path, known: Progress) -> Progress:
         return Progress(epoch, seconds, learned[-1], goals, file.st_mtime, file.st_size)
     except (OSError, ValueError, KeyError, csv.Error):
         return known
-
-
-def _complete_rows(path: Path) -> list[dict[str, Any]]:
-    """Rows of a csv file that another process may be appending to."""
-    text = path.read_text(encoding="utf-8")
-    return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
 
 
 def _count_goals(path: Path) -> int | None:
