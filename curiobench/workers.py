@@ -78,7 +78,8 @@ def parallel_map(
     Raises:
         Exception: what the function raised.
     """
-    may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon  # which has no children
+    # elsewhere forking is not safe, and a daemon may have no children
+    may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
     processes = min(processes, len(items) // least) if may_fork else 1
     if processes > 1:
         others = set(multiprocessing.active_children())
