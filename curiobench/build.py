@@ -29,18 +29,11 @@ def pair_layout(goal_space: GoalSpace) -> PairLayout:
     return PairLayout(goal_space.n_blocks, pairs, BODY_SIZE, BLOCK_SIZE, ACTION_SIZE)
 
 
-def check_device(device: str) -> None:
-    """Raises ValueError where this machine does not have a device."""
-    name, _, number = device.partition(":")
-    if name == "cuda" and int(number or 0) >= torch.cuda.device_count():
-        raise ValueError(
-            f"device {device!r} is not available: torch finds {torch.cuda.device_count()} CUDA devices here"
-        )
-
-
 def build_agent(config: RunConfig, seed: np.random.SeedSequence) -> LearningAgent:
     """The agent of a config, on its device; raises ValueError where this machine does not have that device."""
-    check_device(config.device)
+    name, _, number = config.device.partition(":")
+    if name == "cuda" and int(number or 0) >= (found := torch.cuda.device_count()):
+        raise ValueError(f"device {config.device!r} is not available: torch finds {found} CUDA devices here")
     generator = torch.Generator(config.device).manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
     layout = pair_layout(task_spec(config.task).goal_space)
     return make_agent(config.method, layout, config.sac, generator, config.hybrid, config.method_config)
@@ -54,8 +47,7 @@ def goals_of(goal_space: GoalSpace) -> Goals:
 
 def build_curriculum(config: RunConfig) -> Curriculum:
     """The method's own curriculum, or that of the config."""
-    own = parse_spec(config.method).curriculum
-    return _built(own, config) if own else CURRICULA[config.curriculum](goals_of(task_spec(config.task).goal_space))
+    return _built(parse_spec(config.method).curriculum or CURRICULA[config.curriculum], config)
 
 
 def build_replay(config: RunConfig, folder: Path | None = None) -> EpisodeReplay:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import tyro
 
@@ -27,9 +27,6 @@ from curiobench.options import (
 )
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
-
-if TYPE_CHECKING:
-    from curiobench.methods.registry import MethodSpec
 
 CONFIG_VERSION = 1
 """Incremented when a field is removed or changes its meaning, or when a new field's default differs from old runs."""
@@ -169,7 +166,9 @@ class RunConfig:
         """Make the spec canonical, and check that the settings are the method's."""
         if self.method == "sac" and self.method_config is None:
             return  # spares the presets, and with them `--help`, the second that torch takes to load
-        spec = _parse_spec(self.method)
+        from curiobench.methods.registry import parse_spec
+
+        spec = parse_spec(self.method)
         object.__setattr__(self, "method", spec.text)
         if spec.method is not None and self.method_config is None:
             object.__setattr__(self, "method_config", spec.method.Config())
@@ -203,7 +202,13 @@ class RunConfig:
         config = build_dataclass(cls, with_track(values))
         if settings is None:
             return config
-        return replace(config, method_config=_settings(config.method, with_later_settings(config.method, settings)))
+        from curiobench.methods.registry import parse_spec
+
+        found = parse_spec(config.method).method
+        if found is None:
+            raise ValueError(f"unknown config field method_config: {config.method} has no settings")
+        settings = with_later_settings(config.method, settings)
+        return replace(config, method_config=build_dataclass(found.Config, settings, "method_config."))
 
     def decisive(self) -> dict[str, Any]:
         """The part of `to_json` that decides the numbers: all but the machine's."""
@@ -257,17 +262,3 @@ def differences(old: RunConfig, new: RunConfig) -> list[str]:
 def obstacles(begun: RunConfig, wanted: RunConfig) -> list[str]:
     """`differences` that keep a run from going on under another config, which may have more epochs."""
     return differences(replace(begun, epochs=max(begun.epochs, wanted.epochs)), wanted)
-
-
-def _parse_spec(method: str) -> "MethodSpec":
-    from curiobench.methods.registry import parse_spec
-
-    return parse_spec(method)
-
-
-def _settings(method: str, values: Any) -> Any:
-    """The `Config` of a curiosity method from plain values; raises ValueError where they do not fit."""
-    found = _parse_spec(method).method
-    if found is None:
-        raise ValueError(f"unknown config field method_config: {method} has no settings")
-    return build_dataclass(found.Config, values, "method_config.")

@@ -22,7 +22,6 @@ class Reached(Curriculum):
     """Uniform over goals already reached; while there is none, which is in the first rollout, over all valid goals."""
 
     def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """As `Curriculum.draw`."""
         n = len(situation.start)
         return generator.choice(_candidates(situation), n), np.zeros(n, bool)
 
@@ -31,7 +30,6 @@ class Valid(Curriculum):
     """Uniform over all valid goals."""
 
     def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """As `Curriculum.draw`."""
         n = len(situation.start)
         return generator.integers(len(self.goals.bits), size=n), np.zeros(n, bool)
 
@@ -43,7 +41,6 @@ class Near(Reached):
     """
 
     def draw(self, situation: Situation, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """As `Curriculum.draw`."""
         goals, tested = super().draw(situation, generator)
         candidates = _candidates(situation)
         distance = (self.goals.bits[candidates] != situation.start[:, None]).sum(-1)

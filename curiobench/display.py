@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 class Terminal(Console):
     """Standard output. If it is closed or its disk is full, output stops and the run goes on."""
 
-    def __init__(self) -> None:
-        super().__init__(highlight=False)
-
     def say(self, text: str) -> None:
         """Print text as it is, its lines never broken."""
         self.print(Text(text), no_wrap=True, overflow="ignore", crop=False)

@@ -46,10 +46,6 @@ class Evaluation:
         """`(G,)` bool."""
         return self.success_rates > LEARNED_ABOVE
 
-    def learned_by_layer(self) -> Layers:
-        """Numbers of learned goals and of all goals, by layer."""
-        return learned_by_layer(self.rows())
-
     def rows(self) -> list[dict[str, Any]]:
         """Rows of evaluations.csv, one per goal; `success_unsatisfied` is None if every start satisfies the goal."""
         space, unsatisfied = self.goal_space, ~self.satisfied_at_start

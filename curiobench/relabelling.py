@@ -9,24 +9,17 @@ arrivals    ours: half of a batch leads up to moments at which a goal was reache
 
 from collections.abc import Callable
 from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from curiobench.methods.relabelling import Draw, Replay
-from curiobench.queues import Queues
+from curiobench.methods.relabelling import Draw
+
+if TYPE_CHECKING:
+    from curiobench.replay import EpisodeReplay
 
 N_ARRIVAL_KINDS = 3
 """Kinds of arrivals: a block was put on another; else two came close; else something was only undone."""
-
-
-class IndexedReplay(Replay, Protocol):
-    """The part of `EpisodeReplay` that these relabellings read; see its attributes."""
-
-    config: Any  # ReplayConfig
-    arrivals: Queues
-    valid_goals: np.ndarray
-    goal_weights: np.ndarray | None
 
 
 def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) -> np.ndarray:
@@ -38,13 +31,13 @@ def arrival_kinds(before: np.ndarray, after: np.ndarray, on_bits: np.ndarray) ->
     return np.where((gained & on_bits).any(-1), 0, np.where(gained.any(-1), 1, 2))
 
 
-def draw_future(replay: IndexedReplay, size: int, generator: np.random.Generator) -> Draw:
+def draw_future(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """Goal-balanced episodes, uniform steps and "future" goals; at most a share `satisfied_cap` already satisfied."""
     cap = replay.config.satisfied_cap
     return _draw_capped(replay, size, None if cap is None else int(cap * size), generator)
 
 
-def draw_arrivals(replay: IndexedReplay, size: int, generator: np.random.Generator) -> Draw:
+def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """`arrival_share` of a batch from arrivals, `pursued_share` under the pursued goal, the rest by `draw_future`.
 
     An arrival is a step at which the achieved goal changes to a valid goal g. First a pair of g and a kind of arrival
@@ -69,7 +62,7 @@ def draw_arrivals(replay: IndexedReplay, size: int, generator: np.random.Generat
     return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
-RELABELLINGS: MappingProxyType[str, Callable[[IndexedReplay, int, np.random.Generator], Draw]] = MappingProxyType(
+RELABELLINGS: MappingProxyType[str, Callable[["EpisodeReplay", int, np.random.Generator], Draw]] = MappingProxyType(
     {"future": draw_future, "arrivals": draw_arrivals}
 )
 """Relabellings by name; each has the signature of `Relabelling.draw`."""
@@ -78,7 +71,7 @@ RelabellingName = Literal[tuple(RELABELLINGS)]
 """Names of relabellings."""
 
 
-def _draw_arrivals(replay: IndexedReplay, size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
+def _draw_arrivals(replay: "EpisodeReplay", size: int, occurring: np.ndarray, generator: np.random.Generator) -> Draw:
     """`size` steps before arrivals, of the groups (goal · N_ARRIVAL_KINDS + kind) that occur."""
     uniform = generator.random((3, size))
     if replay.goal_weights is None:
@@ -101,20 +94,20 @@ def _group_weights(weights: np.ndarray, goals: np.ndarray) -> np.ndarray:
     return shared if shared.any() else np.ones(len(goals))
 
 
-def _draw_pursued(replay: IndexedReplay, size: int, generator: np.random.Generator) -> Draw:
+def _draw_pursued(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """`size` uniform steps of uniform episodes, each with the goal that its episode pursued."""
     uniform = generator.random((2, size))
     slot = scaled(uniform[0], len(replay))
     return slot, scaled(uniform[1], replay.steps), replay.arrays["desired_goal"][slot]
 
 
-def _satisfied(replay: IndexedReplay, drawn: Draw) -> np.ndarray:
+def _satisfied(replay: "EpisodeReplay", drawn: Draw) -> np.ndarray:
     """`(B,)` bool, whether the desired goal already holds before the step."""
     slot, step, desired = drawn
     return (replay.arrays["achieved_goal"][slot, step] == desired).all(1)
 
 
-def _draw_capped(replay: IndexedReplay, size: int, quota: int | None, generator: np.random.Generator) -> Draw:
+def _draw_capped(replay: "EpisodeReplay", size: int, quota: int | None, generator: np.random.Generator) -> Draw:
     """`size` draws, at most `quota` of them already satisfied.
 
     Draws candidates at most ten times until enough are accepted. If there are still too few, rejected ones are added.
@@ -132,7 +125,7 @@ def _draw_capped(replay: IndexedReplay, size: int, quota: int | None, generator:
     return tuple(part[chosen] for part in pool)
 
 
-def _draw(replay: IndexedReplay, size: int, generator: np.random.Generator) -> Draw:
+def _draw(replay: "EpisodeReplay", size: int, generator: np.random.Generator) -> Draw:
     """One random draw of an episode, a step and a goal for each of `size` transitions."""
     uniform = generator.random((5, size))
     slot = replay.draw_episodes(uniform[:2])

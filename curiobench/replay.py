@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from curiobench.methods.checks import check_option
+from curiobench.files import read_json
+from curiobench.methods.checks import check_option, check_positive, check_share
 from curiobench.methods.relabelling import Relabelling
 from curiobench.queues import Queues
 from curiobench.relabelling import N_ARRIVAL_KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
-from curiobench.replay_files import EpisodeFiles
+from curiobench.replay_files import read_segment, save_episodes
 from curiobench.tasks.goals import GoalTable
 
 ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
@@ -42,13 +43,11 @@ class ReplayConfig:
     is about 83 %, and these transitions teach little more than to keep still."""
 
     def __post_init__(self) -> None:
-        if self.capacity < 1:
-            raise ValueError(f"capacity is {self.capacity}; it must be at least 1 episode")
+        check_positive(self, "capacity")
         check_option(self, "relabelling", RelabellingName)
-        for name in ("relabel_share", "arrival_share", "pursued_share", "satisfied_cap"):
-            share = getattr(self, name)
-            if share is not None and not 0 <= share <= 1:
-                raise ValueError(f"{name} is {share}; a share lies in [0, 1]")
+        check_share(self, "relabel_share", "arrival_share", "pursued_share")
+        if self.satisfied_cap is not None:
+            check_share(self, "satisfied_cap")
         if self.arrival_share + self.pursued_share > 1:
             both = f"{self.arrival_share} and {self.pursued_share}"
             raise ValueError(f"arrival_share and pursued_share are {both}; together they are at most 1")
@@ -223,7 +222,7 @@ class EpisodeReplay:
         return self.arrays["observation"][slot, step]
 
     def save(self, folder: Path) -> str:
-        """Write the episodes added since the last save, then a manifest of the state; see `EpisodeFiles`.
+        """Write the episodes added since the last save, then a manifest of the state; see `save_episodes`.
 
         Returns:
             The manifest's name, to be kept with the agent's checkpoint and given to `load`.
@@ -234,7 +233,7 @@ class EpisodeReplay:
             return {name: array[np.arange(first, end) % capacity] for name, array in self.arrays.items()}
 
         oldest = self.added - len(self)
-        name = EpisodeFiles(folder).save(self._saved, oldest, self.added, episodes, self._shapes())
+        name = save_episodes(folder, self._saved, oldest, self.added, episodes, self._shapes())
         self._saved = self.added
         return name
 
@@ -243,14 +242,13 @@ class EpisodeReplay:
 
         Raises ValueError where they differ, and OSError, KeyError or ValueError where a file is missing or damaged.
         """
-        files = EpisodeFiles(folder)
-        manifest = files.manifest(name)
+        manifest = read_json(folder / name)
         if manifest["shapes"] != self._shapes():
             raise ValueError(f"{folder / name} holds shapes {manifest['shapes']}; this replay has {self._shapes()}")
         oldest = max(0, manifest["added"] - self.config.capacity)
         for first, end in manifest["segments"]:
             kept = np.arange(max(first, oldest), end)
-            for array_name, saved in files.segment(first, end).items():
+            for array_name, saved in read_segment(folder, first, end).items():
                 self.arrays[array_name][kept % self.config.capacity] = saved[kept - first]
         self.added = self._saved = manifest["added"]
         self._clear_index()

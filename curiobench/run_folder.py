@@ -69,16 +69,6 @@ class RunFolder(AbstractContextManager):
         self.close()
 
     @property
-    def checkpoint(self) -> Path:
-        """Folder of the checkpoints."""
-        return self.path / CHECKPOINT
-
-    @property
-    def replay(self) -> Path:
-        """Folder of the replay's episodes that the checkpoints refer to."""
-        return self.path / REPLAY
-
-    @property
     def mapped_replay(self) -> Path:
         """Folder of the memory-mapped replay, scratch space of the process."""
         return self.path / "replay"
@@ -106,7 +96,7 @@ class RunFolder(AbstractContextManager):
         begun = read_config(self.path, {self.config.method})
         longer = resume and self.config.epochs > begun.epochs
         if finished and not longer:
-            lengthen = ", or --resume with a larger --epochs to lengthen it" if self.replay.is_dir() else ""
+            lengthen = ", or --resume with a larger --epochs to lengthen it" if (self.path / REPLAY).is_dir() else ""
             raise ValueError(
                 f"the run in {self.path} is finished (`curiobench table {pasted(self.path)}` shows its result); choose "
                 f"another --out{lengthen}"
@@ -118,7 +108,7 @@ class RunFolder(AbstractContextManager):
 
     def _longer_record(self, begun: RunConfig, finished: bool, command: Sequence[str]) -> dict[str, Any]:
         """The record of the run with more epochs. Its rows will be those of a run that had them from the start."""
-        if finished and not self.replay.is_dir():
+        if finished and not (self.path / REPLAY).is_dir():
             raise ValueError(
                 f"{self.path} is finished and its replay deleted; only runs trained with --machine.keep-replay can be "
                 "lengthened"

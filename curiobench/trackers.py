@@ -3,27 +3,17 @@
 import hashlib
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from curiobench.options import flatten
 from curiobench.run_folder import read_record
 
 if TYPE_CHECKING:
     from curiobench.config import RunConfig
-
-
-class Tracker(Protocol):
-    """Logs a run; made from its config, its folder, and the first epoch to log. May raise anything."""
-
-    def log(self, values: Mapping[str, float], epoch: int) -> None:
-        """Log the numbers of an epoch."""
-
-    def close(self) -> None:
-        """Called at the end of the run, finished or not."""
 
 
 class TensorBoard:
@@ -102,7 +92,11 @@ class MLflow:
 
 
 TRACKERS = {"tensorboard": TensorBoard, "wandb": WandB, "mlflow": MLflow}
-"""By the name of the module, of the extra that installs it, and in `--machine.track`."""
+"""By the name of the module, of the extra that installs it, and in `--machine.track`.
+
+Each is made from a run's config, its folder, and the first epoch to log. `log` takes the numbers of an epoch.
+`close` is called at the end of the run, finished or not. All of these may raise anything.
+"""
 
 
 class Trackers:
@@ -117,26 +111,28 @@ class Trackers:
             note: shows a line.
         """
         self._note = note
-        self._trackers: dict[str, Tracker] = {}
+        self._trackers: dict[str, Any] = {}
         for name in config.machine.trackers:
-            self._try(
-                name, lambda name=name: self._trackers.update({name: TRACKERS[name](config, folder, first_epoch)})
-            )
+            with self._left_out_on_error(name):
+                self._trackers[name] = TRACKERS[name](config, folder, first_epoch)
 
     def log(self, row: Mapping[str, Any]) -> None:
         """Called with every row of progress.csv."""
         values = {name: float(value) for name, value in row.items() if value is not None and name != "epoch"}
         for name, tracker in list(self._trackers.items()):
-            self._try(name, partial(tracker.log, values, row["epoch"]))
+            with self._left_out_on_error(name):
+                tracker.log(values, row["epoch"])
 
     def close(self) -> None:
         """The run ends."""
         for name, tracker in list(self._trackers.items()):
-            self._try(name, tracker.close)
+            with self._left_out_on_error(name):
+                tracker.close()
 
-    def _try(self, name: str, act: Callable[[], object]) -> None:
+    @contextmanager
+    def _left_out_on_error(self, name: str) -> Iterator[None]:
         try:
-            act()
+            yield
         except Exception as error:  # a full disk, no network, or whatever else they do
             self._trackers.pop(name, None)
             self._note(f"{name} tracks no longer: {' '.join(str(error).split()) or type(error).__name__}")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from curiobench import checkpoint
 from curiobench.analysis.canvas import draw_learning_curve
-from curiobench.build import check_device
 from curiobench.config import RunConfig
 from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed, StopRequest
@@ -17,7 +16,7 @@ from curiobench.files import utf8
 from curiobench.methods.guard import MethodError
 from curiobench.methods.plugins import error_line
 from curiobench.methods.process import tune_process
-from curiobench.run_folder import CHECKPOINT, RunFolder, read_record, read_rows
+from curiobench.run_folder import CHECKPOINT, REPLAY, RunFolder, read_record, read_rows
 from curiobench.state import TrainingState, progress_row, result
 from curiobench.trackers import check_installed
 from curiobench.versions import versions
@@ -38,7 +37,6 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         RunFailed: NaN, a full disk, an error in a method. `error.log` in the folder has the traceback.
         Interrupted: on Ctrl-C or SIGTERM.
     """
-    check_device(config.device)
     check_installed(config.machine.trackers)
     tune_process(config.torch_threads)
     with RunFolder(out, config, resume, command) as folder, StopRequest(once=True) as stop:
@@ -54,7 +52,8 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
         except (Interrupted, KeyboardInterrupt):
             raise
         except Exception as error:
-            raise RunFailed(f"{out}: {run.where}: {error_line(error)}{_kept(out)}") from error
+            where = f"epoch {run.state.counters.epoch + 1}, cycle {run.state.counters.cycle + 1}"
+            raise RunFailed(f"{out}: {where}: {error_line(error)}{_kept(out)}") from error
         finally:
             run.display.close()
 
@@ -95,11 +94,6 @@ class TrainingRun:
             self._end_epoch()
         self._finish()
 
-    @property
-    def where(self) -> str:
-        """The current epoch and cycle, for messages; both count from 1."""
-        return f"epoch {self.state.counters.epoch + 1}, cycle {self.state.counters.cycle + 1}"
-
     def _end_epoch(self) -> None:
         """Evaluate and save if they are due, and write the epoch's row of progress.csv."""
         config = self.config
@@ -117,8 +111,9 @@ class TrainingRun:
         with self.state.counters.timed("evaluating"):
             evaluation = self.evaluator.evaluate(self.state.agent)
         head = {"epoch": epoch, "steps": self.state.counters.steps}
-        self.folder.append("evaluations.csv", [head | row for row in evaluation.rows()])
-        self.display.evaluation(evaluation.learned_by_layer())
+        rows = [head | row for row in evaluation.rows()]
+        self.folder.append("evaluations.csv", rows)
+        self.display.evaluation(learned_by_layer(rows))
         return evaluation
 
     def _stop_if_asked(self) -> None:
@@ -128,22 +123,22 @@ class TrainingRun:
             raise Interrupted(f"{message}; continue {self.folder.path} with --resume", self.stop.number)
 
     def _save(self) -> None:
-        path = self.folder.checkpoint
+        path = self.folder.path / CHECKPOINT
         with self.state.counters.timed("checkpointing"):
             self.state.counters.note_memory()
-            values = self.state.save(self.folder.replay) | {"csv_sizes": self.folder.csv_sizes()}
+            values = self.state.save(self.folder.path / REPLAY) | {"csv_sizes": self.folder.csv_sizes()}
             checkpoint.save(path, self.config.fingerprint(), self.state.agent.state_dict(), values)
 
     def _restore(self) -> None:
         """Restore the newest checkpoint, if any, and remove rows of the csv files that were written after it."""
-        path = self.folder.checkpoint
+        path = self.folder.path / CHECKPOINT
         saved = checkpoint.load(path, self.config.fingerprint())
         if saved is None:
             self.folder.truncate(dict.fromkeys(self.folder.csv_sizes(), 0))
             return
         agent, values = saved
         with checkpoint.errors_named(path):
-            self.state.load(self.folder.replay, agent, values)
+            self.state.load(self.folder.path / REPLAY, agent, values)
             self.folder.truncate(values["csv_sizes"])
 
     def _finish(self) -> None:
@@ -158,7 +153,7 @@ class TrainingRun:
         self.display.note(f"learning curve: {curve}\nresult: {self.folder.path / 'result.json'}")
         shutil.rmtree(self.folder.mapped_replay, ignore_errors=True)
         if not self.config.machine.keep_replay:
-            shutil.rmtree(self.folder.replay, ignore_errors=True)
+            shutil.rmtree(self.folder.path / REPLAY, ignore_errors=True)
 
 
 def _changed_versions(path: Path, method: str) -> str:

@@ -11,8 +11,6 @@ from curiobench.tasks.registration import TASK_VERSION
 
 PACKAGES = ("curiobench", "mujoco", "dm_control", "torch", "numpy")
 """Packages whose versions decide the numbers of a run, with Python's own, as tables compare them."""
-_YOUNGER = ("numba",)
-"""Others that do, which older runs did not record."""
 ENVIRONMENT_VARIABLES = (
     *("ATEN_CPU_CAPABILITY", "DNNL_MAX_CPU_ISA", "ONEDNN_MAX_CPU_ISA", "MKL_CBWR", "MKL_ENABLE_INSTRUCTIONS"),
     *("NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES", "OPENBLAS_CORETYPE"),
@@ -29,7 +27,7 @@ def versions(method: str) -> dict[str, str | int | None]:
     """
     from curiobench.methods.registry import traced  # needs torch, which reading a run folder does not
 
-    packages = {name: version(name) for name in (*PACKAGES, *_YOUNGER)}
+    packages = {name: version(name) for name in (*PACKAGES, "numba")}  # which older runs did not record
     protocol = {"task_version": TASK_VERSION, "evaluation_seed": EVALUATION_SEED}
     environment = " ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT_VARIABLES if os.environ.get(name))
     own = {"environment": environment, "git_commit": git_commit()}

@@ -3,7 +3,6 @@
 import re
 import tempfile
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -43,7 +42,10 @@ def film(
         raise ValueError(f"episodes is {episodes}; it must be at least 1")
     if seed < 0:
         raise ValueError(f"seed is {seed}; it must be at least 0")
-    _import_imageio()  # before the work
+    try:
+        import imageio.v3  # noqa: F401 - `_write` needs it, after all the work
+    except ImportError:
+        raise ValueError("videos need the extra `video`: pip install 'curiobench[video]'") from None
     worlds = BatchedStacking(config.task, 1, config.robot, seed=seed)
     bits = worlds.goal_space.parse(goal)
     name = worlds.goal_space.names[worlds.goal_space.index(bits)]
@@ -62,23 +64,16 @@ def film(
     return out, reached
 
 
-def _import_imageio() -> ModuleType:
-    try:
-        import imageio.v3 as imageio
-    except ImportError:
-        raise ValueError("videos need the extra `video`: pip install 'curiobench[video]'") from None
-    return imageio
-
-
 def _write(path: Path, frames: np.ndarray) -> None:
     """Write frames `(T, height, width, 3)` uint8."""
-    imageio = _import_imageio()
+    from imageio.v3 import imwrite
+
     if path.suffix != ".mp4":
         options = {"duration": 1000 * CONTROL_TIMESTEP, "loop": 0}
     else:
         options = {"fps": round(1 / CONTROL_TIMESTEP), "macro_block_size": 16}
     try:
-        content = imageio.imwrite("<bytes>", frames, extension=path.suffix, **options)
+        content = imwrite("<bytes>", frames, extension=path.suffix, **options)
         if path.suffix == ".mp4" and b"moov" not in content:  # the index at the file's end is missing if ffmpeg failed
             raise OSError(f"ffmpeg wrote no complete video; is there space in {tempfile.gettempdir()}?")
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -78,7 +78,9 @@ def parallel_map(
     Raises:
         Exception: what the function raised.
     """
-    processes = min(processes, len(items) // least) if _may_fork() else 1
+    # elsewhere forking is not safe, and a daemon may have no children
+    may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
+    processes = min(processes, len(items) // least) if may_fork else 1
     if processes > 1:
         others = set(multiprocessing.active_children())
         fork = multiprocessing.get_context("fork")
@@ -90,11 +92,6 @@ def parallel_map(
                 child.kill()
                 child.join()
     return [function(item) for item in items]
-
-
-def _may_fork() -> bool:
-    """Whether forking is safe here and this process may have children."""
-    return sys.platform == "linux" and not multiprocessing.current_process().daemon
 
 
 def _begin(function: Callable[[Any], Any], items: Sequence[Any], parent: int) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from curiobench import tasks
 from curiobench.build import goals_of
 from curiobench.check import Finding
-from curiobench.check.properties import expect, finding, no_global_randomness
+from curiobench.check.properties import expect, expect_untouched, finding, no_global_randomness
 from curiobench.check.subject import BATCH, global_generators, same, seeded_globals
 from curiobench.methods.curriculum import Curriculum, Situation
 from curiobench.methods.goal_guard import curriculum_metrics, goal_weights, goals_drawn
@@ -85,8 +85,7 @@ def curriculum_round_trip(method: type[Curriculum], n_blocks: int) -> None:
 def situation_untouched(method: type[Curriculum], n_blocks: int) -> None:
     given, kept = _situation(n_blocks, 2), _situation(n_blocks, 2)
     _curriculum(method, n_blocks).draw(given, np.random.default_rng(0))
-    altered = [name for name, array in vars(given).items() if not np.array_equal(array, getattr(kept, name))]
-    expect(not altered, "the situation as it was given", f"altered in place: {', '.join(altered)}")
+    expect_untouched(vars(given), vars(kept), "the situation as it was given")
 
 
 def _replay(method: type[Relabelling], n_blocks: int, filled: int = EPISODES) -> EpisodeReplay:
@@ -127,8 +126,7 @@ def replay_untouched(method: type[Relabelling], n_blocks: int) -> None:
     replay = _replay(method, n_blocks)
     kept = copy.deepcopy(replay.arrays)
     replay.sample(BATCH, np.random.default_rng(0))
-    altered = [name for name, array in replay.arrays.items() if not np.array_equal(array, kept[name])]
-    expect(not altered, "the replay as it was", f"altered in place: {', '.join(altered)}")
+    expect_untouched(replay.arrays, kept, "the replay as it was")
 
 
 def global_random_state(method: type[Curriculum] | type[Relabelling], n_blocks: int) -> None:

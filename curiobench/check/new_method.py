@@ -26,7 +26,7 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
     path = folder / f"{name}.py"
     text = inspect.getsource(template).replace("NewMethod", class_name).replace("new_method", name)
     try:
-        if not path.exists() and _is_taken(name):
+        if not path.exists() and (found := find_spec(name)) and found.origin:  # not a mere folder of that name
             raise ValueError(
                 f"{name}:{class_name} would import another module that is called {name!r}; choose another name"
             )
@@ -48,9 +48,3 @@ def _check_name(name: str, class_name: str) -> None:
             raise ValueError(f"{name!r} cannot name a method: expected letters, digits and _, such as my_method")
     if f"{name}_loss" in TAKEN:
         raise ValueError(f"{name!r} cannot name a method: {name}_loss is a metric of the agent's own")
-
-
-def _is_taken(name: str) -> bool:
-    """Whether `import name` finds another module; a mere folder of that name does not count."""
-    found = find_spec(name)
-    return found is not None and found.origin is not None

@@ -8,8 +8,9 @@ fails one line.
 import copy
 import io
 import time
-from collections.abc import Callable
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ from torch import Tensor
 
 from curiobench.build import pair_layout
 from curiobench.check import Finding, Skipped
-from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot, used_globals
+from curiobench.check.subject import BATCH, Subject, global_generators, same, seeded_globals, snapshot
 from curiobench.methods.guard import flaw_of_metrics, flaw_of_state, flaw_of_term, flaw_of_values
 from curiobench.methods.plugins import error_line
 from curiobench.methods.reward import IntrinsicReward, Transitions
@@ -42,13 +43,13 @@ def examine(method: type[IntrinsicReward]) -> list[Finding]:
     """
     subject = Subject(method, pair_layout(goal_space(2)))
     with seeded_globals():
-        first = finding("is built, rewards and learns", _runs, subject)
+        first = finding("is built, rewards and learns", Subject.trained, subject)
         if first.verdict == "FAIL":
             return [first, *(Finding(name, "skip", "it does not run") for name in [*PROPERTIES, COST])]
         return [first, *(finding(name, tried, subject) for name, tried in PROPERTIES.items()), cost(subject)]
 
 
-def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Finding:
+def finding(name: str, tried: Callable[[Subject], object], subject: Subject) -> Finding:
     """The finding for one property."""
     try:
         tried(subject)
@@ -61,19 +62,22 @@ def finding(name: str, tried: Callable[[Subject], None], subject: Subject) -> Fi
     return Finding(name, "pass")
 
 
-def _runs(subject: Subject) -> None:
-    subject.trained()
-
-
 def expect(holds: bool, expected: str, found: object) -> None:
     """Raises Broken unless a property holds."""
     if not holds:
         raise Broken(f"expected {expected}, found {found}")
 
 
+def expect_untouched(now: Mapping[str, Any], then: Mapping[str, Any], expected: str) -> None:
+    """Raises Broken with the names of values that differ."""
+    altered = [name for name, value in now.items() if not same(value, then[name])]
+    expect(not altered, expected, f"altered in place: {', '.join(altered)}")
+
+
 def no_global_randomness(before: tuple) -> None:
     """Raises Broken where a global generator is not as before."""
-    used = used_globals(before)
+    states = zip(("torch", "numpy", "random"), before, global_generators(), strict=True)
+    used = ", ".join(name for name, then, now in states if not same(then, now))
     expect(not used, "all randomness from the given generator", f"the global one of {used} was used")
 
 
@@ -139,15 +143,9 @@ def batch_untouched(subject: Subject) -> None:
     method.reward(given)
     method.update(given)
     method.policy_loss_term(given, goal, action)
-    altered = [field.name for field in fields(Transitions) if not _same_part(given, kept, field.name)]
-    if not same([goal, action], [subject.view(5).desired_goal, subject.view(5).action]):
-        altered.append("arguments of policy_loss_term")
-    expect(not altered, "the batch as it was given", f"altered in place: {', '.join(altered)}")
-
-
-def _same_part(first: Transitions, second: Transitions, name: str) -> bool:
-    parts = (getattr(transitions, name) for transitions in (first, second))
-    return same(*(vars(part) if name == "policy" and part is not None else part for part in parts))
+    name, view = "arguments of policy_loss_term", subject.view(5)
+    now, then = vars(given) | {name: [goal, action]}, vars(kept) | {name: [view.desired_goal, view.action]}
+    expect_untouched(now, then, "the batch as it was given")
 
 
 def agent_untouched(subject: Subject) -> None:

@@ -129,6 +129,8 @@ def same(first: Any, second: Any) -> bool:
         return first.keys() == second.keys() and all(same(value, second[key]) for key, value in first.items())
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):
         return len(first) == len(second) and all(map(same, first, second))
+    if isinstance(first, PolicyView) and isinstance(second, PolicyView):
+        return same(vars(first), vars(second))
     return bool(np.all(first == second))
 
 
@@ -145,12 +147,6 @@ def seeded_globals() -> Iterator[None]:
         torch.set_rng_state(before[0])
         np.random.set_state(before[1])  # noqa: NPY002
         random.setstate(before[2])
-
-
-def used_globals(before: tuple[Tensor, tuple, tuple]) -> str:
-    """Names of the global generators that are no longer as before."""
-    states = zip(("torch", "numpy", "random"), before, global_generators(), strict=True)
-    return ", ".join(name for name, then, now in states if not same(then, now))
 
 
 def global_generators() -> tuple[Tensor, tuple, tuple]:

@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 
 import tyro
 
-from curiobench.probe import Among
-
 Runs = Annotated[
     tyro.conf.Positional[tuple[Path, ...]],
     tyro.conf.arg(help="Run folders, folders of run folders (such as a grid's), or published sets."),
@@ -16,6 +14,8 @@ Baseline = Annotated[
     str | None,
     tyro.conf.arg(help="Method that the others are compared with; by default sac, if there are runs of it."),
 ]
+Among = Literal["random", "replay"]
+"""What a transition is scored among: random play, the same for all runs, or the run's own replay."""
 Switch = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 Partial = Annotated[Switch, tyro.conf.arg(help="Also use runs that are not finished.")]
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn, get_type_hints
 
 from curiobench import terminal
 from curiobench.cli.arguments import (
@@ -29,7 +29,7 @@ from curiobench.errors import CheckFailed, Interrupted, RunFailed, missing_extra
 from curiobench.tasks.registration import check_name
 
 
-def list_choices(_: ListArguments) -> None:
+def list_choices(arguments: ListArguments) -> None:
     """Print what can be trained."""
     from curiobench.cli.listing import listing
 
@@ -55,15 +55,15 @@ def grid(arguments: GridArguments) -> None:
 
 def evaluate(arguments: EvaluateArguments) -> None:
     """Test a run's agent and print its learned goals."""
-    from curiobench.evaluation import Evaluator, format_goals, format_layers
+    from curiobench.evaluation import Evaluator, format_goals, format_layers, learned_by_layer
     from curiobench.saved_agent import load_agent
 
     config, agent = load_agent(arguments.run, arguments.method)
     episodes = config.episodes_per_goal if arguments.episodes is None else arguments.episodes
-    evaluation = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent)
+    rows = Evaluator(config.task, config.robot, episodes, arguments.threads).evaluate(agent).rows()
     if arguments.goals:
-        print(format_goals(evaluation.rows()), end="\n\n")
-    print(format_layers(evaluation.learned_by_layer()))
+        print(format_goals(rows), end="\n\n")
+    print(format_layers(learned_by_layer(rows)))
 
 
 def video(arguments: VideoArguments) -> None:
@@ -115,8 +115,7 @@ def probe(arguments: ProbeArguments) -> None:
     """Print controllability scores of runs, and draw intrinsic rewards along scripted episodes."""
     from curiobench.probe.report import probe
 
-    options = arguments.starts, arguments.seed, arguments.method, arguments.as_of_epoch, arguments.among
-    scores, notes, files = probe(arguments.runs, arguments.out, *options)
+    scores, notes, files = probe(arguments)
     print("\n".join([*notes, scores, "", *map(str, files)]))
 
 
@@ -168,42 +167,22 @@ def _show_findings(title: str, findings: Sequence[Any], subject: str) -> None:
         raise CheckFailed(f"{subject} fails {failed} of {len(findings)} properties")
 
 
-class Command(NamedTuple):
-    """A command."""
-
-    run: Callable[[Any], None]
-    """Carries it out."""
-    arguments: type | None
-    """Dataclass of its arguments; None for `train`, whose arguments depend on the method."""
-    summary: str
-    """What it does, for the help."""
-
-
-COMMANDS = {
-    "list": Command(list_choices, ListArguments, "tasks, robots, methods and presets"),
-    "train": Command(train, None, "train one run; it can be stopped and resumed at any time"),
-    "grid": Command(grid, GridArguments, "train tasks × methods × seeds, several runs at a time"),
-    "evaluate": Command(evaluate, EvaluateArguments, "evaluate a run's agent on every goal"),
-    "video": Command(video, VideoArguments, "make a video of a run's agent pursuing a goal"),
-    "table": Command(table, TableArguments, "results of methods over seeds, beside the paper, or run by run"),
-    "figure": Command(
-        figure, FigureArguments, "learning curves, heat maps and comparisons of many runs, as PDF and PNG"
-    ),
-    "report": Command(report, ReportArguments, "tables, figures, goals and commands of many runs as one HTML page"),
-    "probe": Command(
-        probe,
-        ProbeArguments,
-        "intrinsic rewards along scripted episodes, and controllability scores",
-    ),
-    "new-method": Command(new_method, NewMethodArguments, "write a template of a curiosity method"),
-    "check": Command(check, CheckArguments, "check whether a curiosity method keeps the rules"),
-    "publish": Command(
-        publish, PublishArguments, "write finished runs to one folder of rows, tables, figures and a report"
-    ),
-    "submit-check": Command(
-        submit_check, SubmitCheckArguments, "check whether runs are comparable with the published ones"
-    ),
+COMMANDS: dict[str, tuple[Callable[[Any], None], str]] = {
+    "list": (list_choices, "tasks, robots, methods and presets"),
+    "train": (train, "train one run; it can be stopped and resumed at any time"),
+    "grid": (grid, "train tasks × methods × seeds, several runs at a time"),
+    "evaluate": (evaluate, "evaluate a run's agent on every goal"),
+    "video": (video, "make a video of a run's agent pursuing a goal"),
+    "table": (table, "results of methods over seeds, beside the paper, or run by run"),
+    "figure": (figure, "learning curves, heat maps and comparisons of many runs, as PDF and PNG"),
+    "report": (report, "tables, figures, goals and commands of many runs as one HTML page"),
+    "probe": (probe, "intrinsic rewards along scripted episodes, and controllability scores"),
+    "new-method": (new_method, "write a template of a curiosity method"),
+    "check": (check, "check whether a curiosity method keeps the rules"),
+    "publish": (publish, "write finished runs to one folder of rows, tables, figures and a report"),
+    "submit-check": (submit_check, "check whether runs are comparable with the published ones"),
 }
+"""The function of each command, which takes the parsed arguments, and a line for the help."""
 
 EXIT_CODES = (
     "Exit codes: 0 done, 1 a run or check failed, 2 bad input, 130 or 143 stopped by Ctrl-C or SIGTERM after a "
@@ -218,7 +197,7 @@ def usage() -> str:
 
 {terminal.wrapped("Which curiosity method helps a robot arm that is rewarded only at its goal?", columns)}
 
-{terminal.described({name: command.summary for name, command in COMMANDS.items()}, columns)}
+{terminal.described({name: about for name, (_, about) in COMMANDS.items()}, columns)}
 
 {terminal.wrapped("`curiobench COMMAND --help` explains a command. To begin:", columns)}
 
@@ -238,13 +217,13 @@ def run(words: Sequence[str]) -> None:
 
         print(f"curiobench {__version__}")
         return
-    command = COMMANDS[check_name("command", name, tuple(COMMANDS))]
-    if command.arguments is None:
+    command, _ = COMMANDS[check_name("command", name, tuple(COMMANDS))]
+    if command is train:  # whose arguments depend on the method
         from curiobench.cli.train_arguments import parse_train
 
-        command.run(parse_train(words))
+        command(parse_train(words))
     else:
-        command.run(parse_arguments(command.arguments, name, words))
+        command(parse_arguments(get_type_hints(command)["arguments"], name, words))
 
 
 def main() -> NoReturn:

@@ -3,7 +3,7 @@
 import fcntl
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -19,10 +19,10 @@ from curiobench.options import flatten
 from curiobench.presets import PRESETS
 from curiobench.tasks.registration import check_name
 
-_OWN = ("task", "method", "seed")
-"""Options that are axes of the grid."""
-_AXES_OF_ALL = ("preset", "robot")
-"""Options with separate keys in the grid; variants may still change them."""
+_AXES = {"task": "tasks", "method": "methods", "seed": "seeds"}
+"""Options that are axes of the grid, and the keys that give them."""
+_OF_ALL = {"preset": "preset", "robot": "robot"}
+"""Options with keys of their own; variants may still change them."""
 _METHOD_OPTION = re.compile(r"method\.[a-z0-9-]+")
 
 
@@ -64,13 +64,12 @@ def cells_of(grid: Grid, out: Path) -> list[Cell]:
 
     Raises ValueError where a task, method or option is wrong; one line that says which.
     """
-    for options in (grid.options, *grid.variants.values()):
-        _check_names(options)
-    if taken := [name for name in _AXES_OF_ALL if name in grid.options]:
-        raise ValueError(f"{taken[0]} cannot be given in options; use --{taken[0]}, or the key {taken[0]} of the file")
+    _check_names(grid.options, _AXES | _OF_ALL)
+    for options in grid.variants.values():
+        _check_names(options, _AXES)
     axes = product(grid.tasks, grid.methods, grid.variants)
-    by_seed = list(zip(*(_seeds_of_one(grid, out, *axis) for axis in axes), strict=True))
-    cells = [cell for row in by_seed for cell in row]
+    cells = [cell for axis in axes for cell in _seeds_of_one(grid, out, *axis)]
+    cells.sort(key=lambda cell: grid.seeds.index(cell.config.seed))
     folders = [cell.folder for cell in cells]
     if doubled := [name for name in folders if folders.count(name) > 1]:
         raise ValueError(f"two cells would share the folder {doubled[0]}; is a method named twice?")
@@ -100,14 +99,14 @@ def folder_name(method: str) -> str:
     return re.sub(r"[^\w.+-]", ".", method)
 
 
-def _check_names(options: Options) -> None:
-    """Check that options exist. The parser also accepts flags that are not options, such as --help."""
-    own = (*_OWN, *_AXES_OF_ALL, "method_config")
+def _check_names(options: Options, keys: Mapping[str, str]) -> None:
+    """Check that options exist and have no key of their own. The parser also accepts such flags as --help."""
+    own = (*_AXES, *_OF_ALL, "method_config")
     fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
-    legal = (*_AXES_OF_ALL, *(name.replace("_", "-") for name in fields))
+    legal = (*_OF_ALL, *(name.replace("_", "-") for name in fields))
     for name in options:
-        if name in _OWN:
-            raise ValueError(f"{name} cannot be given in options; use --{name}s, or the key {name}s of the file")
+        if key := keys.get(name):
+            raise ValueError(f"{name} cannot be given in options; use --{key}, or the key {key} of the file")
         if not _METHOD_OPTION.fullmatch(name):
             check_name("option", name, legal)
 

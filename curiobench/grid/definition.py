@@ -1,7 +1,7 @@
 """The definition of a grid, from flags and a YAML file."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -10,12 +10,13 @@ import yaml
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.config import LARGEST_SEED
+from curiobench.files import read_content
+from curiobench.tasks.registration import check_name
 
 Scalar = str | int | float | bool | None
 Options = Mapping[str, Scalar]
 """Options of `curiobench train` by name, without the leading hyphens."""
 
-DEFAULT_SEEDS = 3
 MOST_SEEDS = 1_000
 """Seeds of one grid that are asked for by their number."""
 _VARIANT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=+-]{0,99}")
@@ -26,11 +27,11 @@ _VARIANT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=+-]{0,99}")
 class Grid:
     """A grid: a cell for every task, method, seed and variant."""
 
-    tasks: Sequence[str]
+    tasks: Sequence[str] = ()
     """Names of tasks."""
-    methods: Sequence[str]
+    methods: Sequence[str] = ()
     """Method specs."""
-    seeds: Sequence[int] = tuple(range(DEFAULT_SEEDS))
+    seeds: Sequence[int] = (0, 1, 2)
     """Seeds."""
     preset: str = "laptop"
     """Preset of all cells."""
@@ -69,7 +70,7 @@ def define(arguments: GridArguments) -> Grid:
     values |= {name: text for name in ("preset", "robot") if (text := getattr(arguments, name)) is not None}
     if arguments.options is not None:
         values["options"] = values.get("options", {}) | _options_of_text(arguments.options)
-    return Grid(**{"tasks": (), "methods": ()} | values)
+    return Grid(**values)
 
 
 def read_definition(path: Path) -> dict[str, Any]:
@@ -78,19 +79,17 @@ def read_definition(path: Path) -> dict[str, Any]:
     Raises ValueError, one line that names the file: it cannot be read, or holds unknown or doubled keys or values of
     another type.
     """
+    content = read_content(path)
     try:
-        values = yaml.load(path.read_bytes(), Loader=_Loader)  # derived from SafeLoader
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+        values = yaml.load(content, Loader=_Loader)  # derived from SafeLoader
     except yaml.MarkedYAMLError as error:
         where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ValueError(f"{path}{where}: {error.problem}") from None
     except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError, OverflowError) as error:
         raise ValueError(f"cannot read {path}: {' '.join(str(error).split())}") from None
     try:
-        return {name: _READERS[name](value, name) for name, value in _mapping(values, "the file").items()}
-    except KeyError as error:
-        raise ValueError(f"{path}: unknown key {error}; the keys are {', '.join(_READERS)}") from None
+        found = _mapping(values, "the file")
+        return {name: _READERS[check_name("key", name, (*_READERS,))](value, name) for name, value in found.items()}
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -140,8 +139,12 @@ def _text(value: Any, where: str) -> str:
 
 
 def _options(value: Any, where: str) -> dict[str, Scalar]:
+    return _options_of_pairs(_mapping({} if value is None else value, where).items(), where)
+
+
+def _options_of_pairs(pairs: Iterable[tuple[str, Any]], where: str) -> dict[str, Scalar]:
     found: dict[str, Scalar] = {}
-    for name, option in _mapping({} if value is None else value, where).items():
+    for name, option in pairs:
         if not isinstance(option, Scalar):
             raise ValueError(f"{where}: {name} is {_kind(option)}; expected a number, text, true, false or null")
         canonical = name.replace("_", "-")
@@ -203,13 +206,10 @@ def _first_seeds(number: int) -> list[int]:
 
 
 def _options_of_text(text: str) -> dict[str, Scalar]:
-    pairs = [part.partition("=") for part in _split(text)]
-    for name, sign, _ in pairs:
+    words, pairs = {"true": True, "false": False}, []
+    for part in _split(text):
+        name, sign, value = map(str.strip, part.partition("="))
         if not sign:
             raise ValueError(f"options: {name!r} has no value; expected pairs such as epochs=12,sac.gamma=0.9")
-    names = [name.strip() for name, _, _ in pairs]
-    if doubled := _repeated(names):
-        raise ValueError(f"options: the option {doubled[0]!r} is given more than once")
-    words = {"true": True, "false": False}
-    values = (value.strip() for _, _, value in pairs)
-    return _options({n: words.get(v.lower(), v) for n, v in zip(names, values, strict=True)}, "options")
+        pairs.append((name, words.get(value.lower(), value)))
+    return _options_of_pairs(pairs, "options")

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
@@ -58,43 +57,26 @@ class Progress:
     """All goals."""
     written: float = 0.0
     """When the last row was written, in seconds since 1970."""
+    size: int = 0
+    """Bytes in progress.csv."""
 
 
-class ProgressReader:
-    """Follows progress.csv of a run folder; reads it only when it has changed."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._stamp: tuple[int, int] | None = None
-        self.progress = Progress()
-
-    def update(self) -> Progress:
-        """The present progress."""
-        try:
-            status = (self._path / "progress.csv").stat()
-            if (status.st_size, status.st_mtime_ns) != self._stamp:
-                self.progress = self._read(status.st_mtime)
-                self._stamp = (status.st_size, status.st_mtime_ns)
-        except (OSError, ValueError, KeyError, csv.Error):
-            pass  # missing, or just being written: read again at the next call
-        return self.progress
-
-    def _read(self, written: float) -> Progress:
-        rows = _complete_rows(self._path / "progress.csv")
+def read_progress(path: Path, known: Progress) -> Progress:
+    """Progress of a run; `known` if progress.csv has not changed since, is missing, or is just being written."""
+    try:
+        file = (path / "progress.csv").stat()
+        if (file.st_size, file.st_mtime) == (known.size, known.written):
+            return known
+        text = (path / "progress.csv").read_text(encoding="utf-8")
+        rows = list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))  # without a row that is not whole yet
         if not rows:
             return Progress()
-        learned = [row["goals_learned"] for row in rows if row["goals_learned"]]
-        goals = self.progress.goals or _count_goals(self._path / "evaluations.csv")
-        last = rows[-1]
-        return Progress(
-            int(last["epoch"]), float(last["seconds"]), int(learned[-1]) if learned else None, goals, written
-        )
-
-
-def _complete_rows(path: Path) -> list[dict[str, Any]]:
-    """Rows of a csv file that another process may be appending to."""
-    text = path.read_text(encoding="utf-8")
-    return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
+        learned = [int(row["goals_learned"]) for row in rows if row["goals_learned"]] or [None]
+        goals = known.goals or _count_goals(path / "evaluations.csv")
+        epoch, seconds = int(rows[-1]["epoch"]), float(rows[-1]["seconds"])
+        return Progress(epoch, seconds, learned[-1], goals, file.st_mtime, file.st_size)
+    except (OSError, ValueError, KeyError, csv.Error):
+        return known
 
 
 def _count_goals(path: Path) -> int | None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import Protocol
 
 from curiobench.files import now, utf8
 from curiobench.workers import quota
@@ -57,13 +57,6 @@ class Launcher(Protocol):
         """Release resources; every job has ended."""
 
 
-def open_log(path: Path, command: Sequence[str]) -> BinaryIO:
-    """A log to append to, with a line on what begins now. Unbuffered: two processes may append."""
-    log = open(path, "ab", buffering=0)  # noqa: SIM115 - the process inherits it
-    log.write(utf8(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n"))
-    return log
-
-
 def log_failure(path: Path, reason: str) -> None:
     """Write why a cell cannot be started to its log, if that can be written."""
     with suppress(OSError), open(path, "a", encoding="utf-8") as log:
@@ -75,7 +68,7 @@ def tail(path: Path, start: int, lines: int = 6) -> list[str]:
 
     Args:
         path: of the log.
-        start: byte to begin at; the line that `open_log` writes there is left out.
+        start: byte to begin at; the line that `LocalJob` writes there is left out.
         lines: how many at most.
     """
     try:
@@ -99,7 +92,8 @@ class LocalJob(Job):
 
     def __init__(self, command: Sequence[str], log: Path, folder: Path | None = None) -> None:
         """Starts the command in a working folder, this process' own if None; output goes to the log. Raises OSError."""
-        with open_log(log, command) as file:
+        with open(log, "ab", buffering=0) as file:  # two processes may append
+            file.write(utf8(f"--- {now()} {os.uname().nodename}: {shlex.join(command)}\n"))
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", str(_TETHER), str(os.getpid()), *command],
                 stdin=subprocess.DEVNULL,

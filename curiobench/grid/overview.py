@@ -11,13 +11,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from curiobench import terminal
 from curiobench.display import Terminal, duration
 from curiobench.grid.disk import State
 from curiobench.grid.status import Paces, Status, grid_seconds_left, paces, seconds_left
 
-REFRESH_SECONDS = 1.0
-"""Interval between redraws of the live rows."""
 REPORT_SECONDS = 300.0
 """Interval between lines about progress if there is no terminal."""
 
@@ -64,13 +61,13 @@ class PlainGridView:
 
 
 class LiveGridView(PlainGridView):
-    """A table on the terminal, drawn at most once a second; messages are printed above it."""
+    """A table on the terminal, drawn once a second; messages are printed above it."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._live = Live(console=self._console, auto_refresh=False)
+        self._shown: tuple[Sequence[Status], int] | None = None
+        self._live = Live(console=self._console, get_renderable=self._draw, refresh_per_second=1)
         self._live.start()
-        self._drawn = 0.0
 
     def started(self, status: Status) -> None:
         """Its row in the table says so."""
@@ -79,25 +76,14 @@ class LiveGridView(PlainGridView):
         """Its row in the table says so."""
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
-        self._frame = (statuses, slots)
-        if time.monotonic() - self._drawn >= REFRESH_SECONDS:
-            self._draw()
+        self._shown = statuses, slots
 
     def close(self) -> None:
         """Draw the last state, which stays on the terminal."""
-        if hasattr(self, "_frame"):
-            self._draw()
         self._live.stop()
 
-    def _draw(self) -> None:
-        statuses, slots = self._frame
-        self._live.update(overview(statuses, slots, self._console.height), refresh=True)
-        self._drawn = time.monotonic()
-
-
-def view() -> PlainGridView:
-    """The view for stdout: live on a capable terminal, otherwise lines."""
-    return LiveGridView() if terminal.draws() else PlainGridView()
+    def _draw(self) -> Group | str:
+        return overview(*self._shown, self._console.height) if self._shown else ""
 
 
 def overview(statuses: Sequence[Status], slots: int, height: int) -> Group:

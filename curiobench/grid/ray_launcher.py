@@ -6,7 +6,6 @@ a task whose worker or machine dies is not repeated by Ray, but found free in it
 
 import os
 import socket
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -14,8 +13,6 @@ from typing import Any
 
 from curiobench.grid.launcher import LOST, PROGRAM, log_failure, physical_cores, train_in_worker
 
-_RESOURCES_SECONDS = 5.0
-"""Between two questions how large the cluster is."""
 _OBJECT_STORE_BYTES = 80_000_000
 """Of a cluster that starts for the grid, which keeps nothing there; Ray's default is a third of the memory."""
 
@@ -63,13 +60,11 @@ class RayLauncher:
         self._ray = _connect(jobs, address)
         self._jobs, self._program = jobs, program
         self._train = self._ray.remote(num_cpus=1, max_retries=0)(train_in_worker)
-        self._cpus, self._asked = 0, -_RESOURCES_SECONDS
 
     def slots(self) -> int:
         """Tasks at a time; machines may come and go."""
-        if time.monotonic() - self._asked >= _RESOURCES_SECONDS:
-            self._cpus, self._asked = int(self._ray.cluster_resources().get("CPU", 0)), time.monotonic()
-        return self._cpus if self._jobs is None else min(self._jobs, self._cpus)
+        cpus = int(self._ray.cluster_resources().get("CPU", 0))
+        return cpus if self._jobs is None else min(self._jobs, cpus)
 
     def start(self, arguments: Sequence[str], log: Path) -> RayJob:
         """Submit a task; it waits in the cluster's queue where others use the CPUs."""

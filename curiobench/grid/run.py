@@ -11,9 +11,9 @@ from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
 from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
-from curiobench.grid.overview import PlainGridView, status_line, view
+from curiobench.grid.overview import LiveGridView, PlainGridView, status_line
 from curiobench.grid.scheduler import Scheduler
-from curiobench.grid.status import Status
+from curiobench.terminal import draws
 
 
 def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
@@ -39,12 +39,13 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
     cells = cells_of(define(arguments), out)
     if arguments.dry_run:
         for cell in cells:
-            print(f"{cell.folder}: {_state(cell)}\n  {shlex.join(cell.command)}")
+            state = ": ".join(filter(None, cell_state(cell)))
+            print(f"{cell.folder}: {state}\n  {shlex.join(cell.command)}")
         return
     launcher = _launcher(arguments, out)
     try:
         write_record(out, cells, command)
-        train_cells(cells, launcher, arguments.retries, view())
+        train_cells(cells, launcher, arguments.retries, LiveGridView() if draws() else PlainGridView())
     finally:
         launcher.close()
     Terminal().say(f"all {len(cells)} cells are finished; `curiobench table {pasted(arguments.out)}` shows them")
@@ -64,16 +65,12 @@ def train_cells(cells: Sequence[Cell], launcher: Launcher, retries: int, view: P
     faults = [status for status in statuses if status.state in (State.BROKEN, State.CONFLICT)]
     terminal = Terminal()
     for status in faults:
-        terminal.say(_fault_line(status))
+        log = f"; log: {status.cell.log}" if status.state is State.BROKEN else ""
+        terminal.say(f"{status.cell.folder}: {status.state}: {status.reason}{log}")
     if stop.count:
         raise Interrupted(f"{status_line(statuses, slots)}; the same command continues", stop.number)
     if faults:
         raise RunFailed(f"{len(faults)} of {len(cells)} cells are not finished")
-
-
-def _fault_line(status: Status) -> str:
-    log = f"; log: {status.cell.log}" if status.state is State.BROKEN else ""
-    return f"{status.cell.folder}: {status.state}: {status.reason}{log}"
 
 
 def _launcher(arguments: GridArguments, out: Path) -> Launcher:
@@ -86,8 +83,3 @@ def _launcher(arguments: GridArguments, out: Path) -> Launcher:
 
         return SlurmLauncher(arguments.jobs, arguments.slurm, out)
     return LocalLauncher(arguments.jobs or physical_cores())
-
-
-def _state(cell: Cell) -> str:
-    state, reason = cell_state(cell)
-    return f"{state}: {reason}" if reason else str(state)

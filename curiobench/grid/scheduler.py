@@ -13,10 +13,6 @@ from curiobench.grid.overview import PlainGridView
 from curiobench.grid.status import OPEN, Status
 from curiobench.run_folder import is_locked
 
-POLL_SECONDS = 0.5
-"""Interval at which processes are polled; a cell takes minutes to days."""
-ELSEWHERE_SECONDS = 5.0
-"""Interval at which cells of other processes are read."""
 _TAKEN = "is already running"
 """Part of the message of `train` if another process uses the folder."""
 
@@ -26,7 +22,7 @@ class Scheduler:
 
     def __init__(
         self, cells: Sequence[Cell], launcher: Launcher, retries: int, view: PlainGridView, stop: StopRequest,
-        poll: float = POLL_SECONDS, elsewhere_poll: float = ELSEWHERE_SECONDS,
+        poll: float = 0.5, elsewhere_poll: float = 5.0,
     ) -> None:  # fmt: skip
         """
         Args:
@@ -35,7 +31,8 @@ class Scheduler:
             retries: how often a broken cell is tried again.
             view: shows what happens.
             stop: counts the requests to end.
-            poll, elsewhere_poll: seconds, see the constants.
+            poll: seconds between two polls of the processes; a cell takes minutes to days.
+            elsewhere_poll: seconds between two readings of the cells of other processes.
         """
         self.statuses = [Status(cell) for cell in cells]
         self._launcher, self._retries, self._view, self._stop = launcher, retries, view, stop
@@ -102,7 +99,7 @@ class Scheduler:
 
     def _collect_ended(self) -> None:
         for status in self._running():
-            status.reader.update()
+            status.read_progress()
             if (code := status.job.poll()) is not None:
                 status.job = None
                 self._ended(status, code)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from curiobench.grid.launcher import LOST, PROGRAM, log_failure, train_in_worker
+from curiobench.grid.launcher import LOST, PROGRAM, Launcher, log_failure, train_in_worker
 
 OPTIONS = (
     "account", "comment", "constraint", "cpus_per_task", "dependency", "exclude", "gpus_per_node", "gres", "mail_type",
@@ -60,7 +60,7 @@ class SlurmJob:
         self._job.cancel(check=False)
 
 
-class SlurmLauncher:
+class SlurmLauncher(Launcher):
     """Submits one job per cell."""
 
     def __init__(
@@ -114,9 +114,6 @@ class SlurmLauncher:
             raise OSError(" ".join(str(error).split())) from None
         record.write_text(f"{job.job_id}\n", encoding="utf-8")
         return SlurmJob(job, record, log)
-
-    def close(self) -> None:
-        """Nothing: every job has ended."""
 
 
 def _parameters(options: Sequence[str]) -> dict[str, str | int]:

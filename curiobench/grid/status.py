@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from statistics import fmean
 
 from curiobench.grid.cells import Cell
-from curiobench.grid.disk import Progress, ProgressReader, State, cell_state
+from curiobench.grid.disk import Progress, State, cell_state, read_progress
 from curiobench.grid.launcher import Job, size_of
 
 OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
@@ -27,26 +27,24 @@ class Status:
     """Bytes in the log when the process was started."""
     epoch_at_start: int = 0
     """Epochs completed when the process was started."""
-    reader: ProgressReader = field(init=False)
+    progress: Progress = field(default_factory=Progress)
+    """Progress of the run."""
 
-    def __post_init__(self) -> None:
-        self.reader = ProgressReader(self.cell.path)
-
-    @property
-    def progress(self) -> Progress:
-        """Progress of the run."""
-        return self.reader.progress
+    def read_progress(self) -> None:
+        """Read the progress from the folder."""
+        self.progress = read_progress(self.cell.path, self.progress)
 
     def refresh(self) -> State:
         """Read the state from the folder; only for a cell that this grid does not run now."""
         self.state, self.reason = cell_state(self.cell)
-        self.reader.update()
+        self.read_progress()
         return self.state
 
     def begins(self, job: Job, log_start: int) -> None:
         """Note that a process of this grid trains the cell now."""
         self.job, self.log_start, self.state, self.reason = job, log_start, State.RUNNING, ""
-        self.epoch_at_start = self.reader.update().epoch
+        self.read_progress()
+        self.epoch_at_start = self.progress.epoch
 
     @property
     def has_begun(self) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curiobench.analysis.canvas import new_figure, save_figure
-from curiobench.probe import Among
+from curiobench.cli.arguments import Among
 from curiobench.probe.episodes import Played
 from curiobench.probe.scores import ProbedRun, Reading, others
 from curiobench.probe.steps import falling, lifting

@@ -1,17 +1,17 @@
 """`curiobench probe`: play episodes, compute rewards, write numbers and scores, draw."""
 
 import csv
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from curiobench.analysis.canvas import matplotlib_settings
 from curiobench.analysis.colours import line_styles
+from curiobench.cli.arguments import Among, ProbeArguments
 from curiobench.files import writing_to
 from curiobench.methods.agents.q_int import MEMBERS
 from curiobench.methods.reward import Batch
 from curiobench.methods.specs import display_name
-from curiobench.probe import Among
 from curiobench.probe.episodes import Played, play_scripts, reference_transitions
 from curiobench.probe.figures import draw_q_int, draw_rewards
 from curiobench.probe.scores import (
@@ -27,40 +27,25 @@ from curiobench.probe.steps import falling, lifting
 from curiobench.terminal import align
 
 
-def probe(
-    paths: Sequence[Path],
-    out: Path,
-    starts: int,
-    seed: int,
-    trusted: Collection[str] = (),
-    as_of_epoch: int | None = None,
-    among: Among = "random",
-) -> tuple[str, list[str], list[Path]]:
+def probe(arguments: ProbeArguments) -> tuple[str, list[str], list[Path]]:
     """Probe runs of one task and robot, and write the results; files of the same names are replaced.
-
-    Args:
-        paths: run folders.
-        out: folder for the files; created if it does not exist.
-        starts: plain starts from which each script is played, at least 1.
-        seed: of the starts and of the reference play.
-        trusted: methods that are not built in and may be imported.
-        as_of_epoch: epoch that methods are given, at least 0; that of each checkpoint if None.
-        among: kind of reference transitions.
 
     Returns:
         The table of scores, a line on each run that was left out, and the files.
 
     Raises ValueError where runs cannot be read or compared, or have no replay, or the folder cannot be written.
     """
-    runs, notes = open_runs(paths, trusted, as_of_epoch)
-    played = play_scripts(runs[0].config.task, runs[0].config.robot, starts, seed)
+    seed, among, out = arguments.seed, arguments.among, arguments.out
+    runs, notes = open_runs(arguments.runs, arguments.method, arguments.as_of_epoch)
+    played = play_scripts(runs[0].config.task, runs[0].config.robot, arguments.starts, seed)
     pairs = list(zip(runs, _references(runs, seed, among), strict=True))
     readings = [[read(run, episodes, reference) for run, reference in pairs] for episodes in played]
     scores = [controllability(of_run, played, seed) for of_run in zip(*readings, strict=True)]
+    score_rows = [_columns(run) | {"among": among} | vars(of) for run, of in zip(runs, scores, strict=True)]
     with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
         files = [
-            _write(out / "scores.csv", [_score_row(*pair, among) for pair in zip(runs, scores, strict=True)]),
+            _write(out / "scores.csv", score_rows),
             _write(out / "numbers.csv", list(_number_rows(runs, readings, played))),
             *draw(runs, readings, played, seed, out, among),
         ]
@@ -81,7 +66,7 @@ def draw(
     played: Sequence[Played],
     seed: int,
     out: Path,
-    among: Among = "random",
+    among: Among,
 ) -> list[Path]:
     """Draw all figures; that of Q_int only if a run has it."""
     files, looks = [], line_styles(run.config.method for run in runs)
@@ -104,9 +89,8 @@ def format_scores(runs: Sequence[ProbedRun], scores: Sequence[ControllabilitySco
     return align([["method", "epoch", "lifting", "falling", "controllability", "95 %", "starts"], *lines], left=1)
 
 
-def _score_row(run: ProbedRun, score: ControllabilityScore, among: Among) -> dict[str, Any]:
-    of_run = {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch, "among": among}
-    return of_run | vars(score)
+def _columns(run: ProbedRun) -> dict[str, Any]:
+    return {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch}
 
 
 def _number_rows(
@@ -121,8 +105,7 @@ def _number_rows(
                 values = {"raw": reading.raw[at], "normalised": reading.normalised[at]}
                 values |= {f"q_int_{name}": float(reading.q_int[name][at]) if reading.q_int else None
                            for name in MEMBERS}  # fmt: skip
-                of_run = {"method": display_name(run.config.method), "run": str(run.path), "epoch": run.epoch}
-                yield of_run | row | values
+                yield _columns(run) | row | values
 
 
 def _step_rows(played: Played) -> Iterator[dict[str, Any]]:

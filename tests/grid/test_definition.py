@@ -63,7 +63,7 @@ def test_flags_override_the_file(yaml):
         ("methods: [a]\ntasks: [a]\nmethods: [b]", "line 1: the key 'methods' is given more than once"),
         ("options: {epochs: 1, epochs: 2}", "the key 'epochs' is given more than once"),
         ("options: {batch-size: 1, batch_size: 2}", "the option 'batch-size' is given more than once"),
-        ("task: stack2", "unknown key 'task'; the keys are tasks, methods, seeds"),
+        ("task: stack2", "unknown key 'task': did you mean 'tasks'? the keys are tasks, methods, seeds"),
         ("tasks: stack2", "tasks is 'stack2'; expected a list of names"),
         ("methods: [no]", "methods is a list; expected a list of names"),
         ("seeds: 1.5", "seeds is '1.5'; expected a number of seeds"),

@@ -9,7 +9,7 @@ from fake_grid import make_cells
 from rich.console import Console
 
 from curiobench.display import duration
-from curiobench.grid.disk import Progress, ProgressReader, State
+from curiobench.grid.disk import Progress, State, read_progress
 from curiobench.grid.overview import LiveGridView, PlainGridView, overview, status_line
 from curiobench.grid.status import Status, grid_seconds_left, paces, seconds_left
 
@@ -21,9 +21,9 @@ def statuses(tmp_path):
     statuses = [Status(cell) for cell in cells]
     now = time.time()
     for status in statuses[:2]:
-        status.state, status.reader.progress = State.FINISHED, Progress(5, 500.0, 4, 4, now)
+        status.state, status.progress = State.FINISHED, Progress(5, 500.0, 4, 4, now)
     for status in statuses[2:5]:
-        status.state, status.reader.progress = State.RUNNING, Progress(2, 200.0, 1, 4, now)
+        status.state, status.progress = State.RUNNING, Progress(2, 200.0, 1, 4, now)
     statuses[39].state = State.BROKEN
     return statuses
 
@@ -62,7 +62,7 @@ def test_a_few_cells_keep_their_order_and_long_names_are_cut(tmp_path):
 
 def test_time_left_of_cells_that_have_not_begun_is_that_of_their_like(statuses):
     now = time.time()
-    statuses[0].reader.progress = Progress(5, 50.0, 4, 4, now)
+    statuses[0].progress = Progress(5, 50.0, 4, 4, now)
     assert seconds_left(statuses[6], paces(statuses), now) == pytest.approx(5 * (10 + 100 + 100) / 3)
     assert seconds_left(statuses[7], paces(statuses), now) == pytest.approx(500)
     assert seconds_left(statuses[2], paces(statuses), now + 30) == pytest.approx(270, abs=1)
@@ -101,14 +101,13 @@ def test_events_stand_above_the_live_rows(statuses, capsys, monkeypatch):
 
 
 def test_progress_is_read_while_it_is_written(tmp_path):
-    reader = ProgressReader(tmp_path)
-    assert reader.update() == Progress()
+    assert read_progress(tmp_path, Progress()) == Progress()
     (tmp_path / "evaluations.csv").write_text("epoch,goal\n0,a\n0,b\n5,a\n5,b\n")
     path = tmp_path / "progress.csv"
     path.write_text("epoch,goals_learned,seconds\n1,2,3.5\n2,,7.5\n3,1")
-    progress = reader.update()
+    progress = read_progress(tmp_path, Progress())
     assert (progress.epoch, progress.seconds, progress.learned, progress.goals) == (2, 7.5, 2, 2)
     path.write_text("epoch,")
-    assert reader.update().epoch == 0
+    assert read_progress(tmp_path, progress).epoch == 0
     path.write_text("nonsense\n1\n")
-    assert reader.update().epoch == 0
+    assert read_progress(tmp_path, progress) == progress

@@ -15,6 +15,7 @@ from states import same_state
 from tiny_runs import TINY
 
 from curiobench.analysis import colours
+from curiobench.cli.arguments import ProbeArguments
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig
 from curiobench.methods.reward import Batch
@@ -169,7 +170,7 @@ def test_steps_are_scored_among_the_runs_own_transitions(runs, tmp_path, monkeyp
     monkeypatch.setattr(report, "draw", lambda *_: [])
     found = {}
     for among in ("random", "replay"):
-        probe([runs["mi+hm"], runs["dac"]], tmp_path / among, STARTS, seed=0, among=among)
+        probe(ProbeArguments((runs["mi+hm"], runs["dac"]), tmp_path / among, STARTS, among=among))
         with open(tmp_path / among / "scores.csv", newline="") as file:
             found[among] = {row["method"]: row for row in csv.DictReader(file)}
         assert {row["among"] for row in found[among].values()} == {among}
@@ -228,9 +229,9 @@ def shows(path, colour) -> bool:
 
 
 def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, monkeypatch):
-    paths = [runs["rnd"], runs["mi+hm"]]
+    paths = (runs["rnd"], runs["mi+hm"])
     before = [files(path) for path in paths]
-    table, notes, made = probe(paths, tmp_path / "one", STARTS, seed=3)
+    table, notes, made = probe(ProbeArguments(paths, tmp_path / "one", STARTS, seed=3))
     assert notes == []
     assert table.startswith("method ")
     assert [files(path) for path in paths] == before
@@ -252,7 +253,7 @@ def test_probe_writes_figures_and_numbers_and_repeats_itself(runs, tmp_path, mon
     assert all(bool(row["q_int_popart"]) == (row["method"] == "mihm") for row in rows)
 
     monkeypatch.setattr(report, "draw", lambda *_: [])  # seconds that say nothing about numbers
-    again, *_ = probe(paths, tmp_path / "two", STARTS, seed=3)
+    again, *_ = probe(ProbeArguments(paths, tmp_path / "two", STARTS, seed=3))
     assert again == table
     for name in ("scores.csv", "numbers.csv"):
         assert (tmp_path / "two" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()

@@ -87,7 +87,7 @@ def test_rows_and_layers():
     satisfied = np.array([[1] * 8 + [0] * 2, [1] * 10, [0] * 10, [0] * 10], bool)
     outcome = Evaluation(goal_space(2), success, satisfied)
     assert outcome.learned.tolist() == [True, False, False, True]  # 80 % is not above 80 %
-    assert outcome.learned_by_layer() == {1: (1, 2), 2: (1, 2)}
+    assert learned_by_layer(outcome.rows()) == {1: (1, 2), 2: (1, 2)}
     first, second, *_ = outcome.rows()
     assert first == {
         "goal": "all apart",
