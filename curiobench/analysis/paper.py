@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 
+import pandas as pd
+
 from curiobench.analysis.samples import TaskSamples
 from curiobench.analysis.tables import Column, Summary, Table, Value, interval_notes, key_of, layer_name, name_columns
 from curiobench.analysis.variants import PAPER_STEPS, cautions, millions, spread
@@ -105,9 +107,8 @@ def _methods_table(task: TaskSamples, number: int, summaries: Sequence[Summary],
     return Table(f"Table {number}, {task.task}: learned goals, {about}", columns, tuple(rows), notes)
 
 
-def flat_paper_table(tables: Sequence[Table]) -> Table:
+def flat_paper_table(tables: Sequence[Table]) -> pd.DataFrame:
     """The tables one below the other, for csv files, with their numbers in the paper."""
-    first = {key: Column(key, key) for key in ("table", "task", "method", "variant", "seeds")}
-    numbers = {column.key: Column(column.key, column.key) for table in tables for column in table.columns}
-    rows = tuple(row for table in tables for row in table.rows)
-    return Table("", tuple((first | numbers).values()), rows)
+    keys = ["table", "task", "method", "variant", "seeds"]
+    keys += [column.key for table in tables for column in table.columns]
+    return pd.DataFrame([row for table in tables for row in table.rows], columns=list(dict.fromkeys(keys)))

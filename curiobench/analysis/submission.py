@@ -183,20 +183,14 @@ def _finding(property: str, verdict: str, rule: Rule, runs: Submission, against:
     """The finding of one rule; runs with the same fault are named together."""
     where: dict[str, list[str]] = {}
     try:
-        for fault, run in rule(runs, against):
-            where.setdefault(fault, []).append(run)
+        for fault, run in dict.fromkeys(rule(runs, against)):
+            where.setdefault(fault, []).extend(filter(None, [run]))
     except Skipped as reason:
         return Finding(property, "skip", str(reason))
-    lines = [fault + _named(names) for fault, names in where.items()]
+    lines = [f"{fault} ({first_of(names)})" if names else fault for fault, names in where.items()]
     if len(lines) > _MOST_FAULTS:
         lines[_MOST_FAULTS:] = [f"and {len(lines) - _MOST_FAULTS} more"]
     return Finding(property, verdict if lines else "pass", "\n".join(lines))
-
-
-def _named(runs: Iterable[str]) -> str:
-    """The runs behind a fault, in brackets."""
-    names = list(dict.fromkeys(filter(None, runs)))
-    return f" ({first_of(names)})" if names else ""
 
 
 def first_of(names: Sequence[str]) -> str:

@@ -3,7 +3,6 @@
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from curiobench.analysis.runs import decisive
@@ -128,16 +127,10 @@ def scale_of(runs: "pd.DataFrame") -> str:
 
 def _changed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Options that every method has, with another value than in the preset."""
-    usual = _usual(config["preset"], config["task"])
+    usual = flatten(preset(config["preset"], config["task"]).decisive()) if config["preset"] in PRESETS else {}
     flat = flatten({n: v for n, v in decisive(config).items() if n not in (*RUN_OPTIONS, "robot", "preset", "epochs")})
     own = (_SETTINGS, "hybrid.")
     return {n: value for n, value in flat.items() if not n.startswith(own) and n in usual and value != usual[n]}
-
-
-@cache
-def _usual(name: str, task: str) -> dict[str, Any]:
-    """Options of a preset for a task; none of one that is not known."""
-    return flatten(preset(name, task).decisive()) if name in PRESETS else {}
 
 
 def spread(values: "pd.Series", write: Callable[[float], str]) -> str:
