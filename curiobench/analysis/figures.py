@@ -17,7 +17,6 @@ from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import performance_profile, seed_warnings
 from curiobench.analysis.style import caption, layer_in_words, method_name, seeds_in_words, theme
-from curiobench.analysis.variants import count_partial
 from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map
 
@@ -180,7 +179,7 @@ def _caption(task: TaskSamples, kind: FigureKind, samples: Samples) -> str:
     """The caption: what is drawn, the scale of the runs, seeds, and full specs of methods named by their class."""
     several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"
-    if partial_runs := count_partial(task.runs):
+    if partial_runs := (~task.runs["complete"]).sum():
         about += f"; {partial_runs} of {len(task.runs)} runs are partial, and curves end where a run of the method does"
     parts = [
         f"{kind.caption}; {about}",

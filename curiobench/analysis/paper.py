@@ -76,8 +76,7 @@ def _closing_notes(task: TaskSamples) -> list[str]:
 
 def _paper_columns(task: str) -> list[Column]:
     source = "paper" if task == PAPER_TASK else f"paper, {PAPER_TASK}"
-    layers = [Column(f"paper_{k}", f"{source}: {layer_name(k)}", 0) for k, _ in enumerate(PAPER_GOALS, start=1)]
-    return [*layers, Column("paper", f"{source}: total", 0)]
+    return [Column(key_of("paper", layer), f"{source}: {layer_name(layer)}", 0) for layer in (1, 2, 3, 0)]
 
 
 def _paper_values(counts: Sequence[int]) -> dict[str, Value]:
@@ -85,8 +84,7 @@ def _paper_values(counts: Sequence[int]) -> dict[str, Value]:
 
 
 def _our_columns(task: TaskSamples, digits: int) -> list[Column]:
-    layers = [Column(key_of("learned", layer), layer_name(layer), digits) for layer in task.sizes if layer]
-    return [*layers, Column("learned", "total", digits)]
+    return [Column(key_of("learned", layer), layer_name(layer), digits) for layer in (*filter(None, task.sizes), 0)]
 
 
 def _goals_table(task: TaskSamples) -> Table:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.frames import IDENTITY
+from curiobench.analysis.frames import IDENTITY, read_results
 from curiobench.analysis.style import count
 from curiobench.analysis.submission import (
     Fault,
@@ -22,7 +22,6 @@ from curiobench.analysis.submission import (
     apply_rules,
     first_of,
     goals_in,
-    read_submission,
     reference,
     rule,
     task_and_robot,
@@ -49,7 +48,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
 
     Returns a line that says what is compared with what, and one finding per property.
     """
-    compared, runs = reference(against), read_submission(paths)
+    compared, runs = reference(against), Submission(read_results(paths))
     methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
     return f"{count(len(runs.records), 'run')} of {methods}, compared with {compared.name}", apply_rules(runs, compared)
 

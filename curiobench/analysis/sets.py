@@ -77,9 +77,8 @@ def _run(
         if not (0 <= row[column] < LARGEST_NUMBER or (np.isnan(row[column]) and not row["complete"])):
             legal = f"at least 0 and below {LARGEST_NUMBER:.0e}"
             raise ValueError(f"runs.csv: {column} of run {name} is {row[column]}; it must be {legal}")
-    values = columns_of(config) | {column: row[column] for column in _TEXT[1:]}
-    values |= {"complete": row["complete"], "epoch": epoch, "steps": steps, "updates": int(row["updates"])}
-    values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
+    values = columns_of(config) | {column: row[column] for column in (*_TEXT[1:], *_NUMBERS, "complete")}
+    values |= {"epoch": epoch, "steps": steps, "updates": int(row["updates"])}
     file = folder / CONFIGS / f"{name}.json"
     foreign = ["run", "task", "method", "variant", "seed"]
     progress = details.drop(columns=foreign, errors="ignore").dropna(axis="columns", how="all")

@@ -176,8 +176,9 @@ def interval_notes(summaries: Sequence[Summary]) -> list[str]:
 def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
     task = summaries[0].task
     goals, before = task.sizes, task.untrained
-    learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {n})", 1, contest=True) for k, n in goals.items() if k]
-    learned.append(Column("learned", f"total (of {goals[0]})", 1, contest=True))
+    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
+    layers = [*filter(None, goals), 0]
+    learned = [Column(key_of("learned", k), f"{layer_name(k)} (of {goals[k]})", 1, contest=True) for k in layers]
     success = [
         Column("middle_success", "IQM of final success", contest=True),
         Column("success", "final success", contest=True),
@@ -187,7 +188,6 @@ def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
     if any(summary.values["better"] is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
     hours = Column("hours", "hours a run", hour_digits(min(row["hours"] for row in rows)))
     cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
     brackets = interval_notes(summaries)
@@ -222,8 +222,8 @@ def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
 
 
 def layer_name(layer: int) -> str:
-    """Heading of a layer."""
-    return "1 layer" if layer == 1 else f"{layer} layers"
+    """Heading of a layer; "total" for 0, which is all layers together."""
+    return "total" if layer == 0 else "1 layer" if layer == 1 else f"{layer} layers"
 
 
 def name_columns(summaries: Sequence[Summary]) -> list[Column]:
@@ -265,7 +265,7 @@ def run_tables(results: Results) -> tuple[Table, pd.DataFrame]:
     if not flat["variant"].any():
         names.remove("variant")
     columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in [*names, "epoch"]]
-    columns += [Column(key_of("learned", layer), layer_name(layer) if layer else "total") for layer in layers]
+    columns += [Column(key_of("learned", layer), layer_name(layer)) for layer in layers]
     rows = tuple(_run_row(row, layers) for row in flat.to_dict("records"))
     return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), rows), flat
 

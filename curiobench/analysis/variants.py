@@ -33,7 +33,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
         differing = _differing([flat[i] for i in members])
         named = ["preset"] if "preset" in differing and len(differing) > 1 else []  # the name alone sets no run apart
         for within in _groups(flat, members, "preset"):
-            names = named + [name for name in _differing([flat[i] for i in within]) if name != "preset"]
+            names = named + _differing([flat[i] for i in within])
             for i in within:
                 on = [name for name in names if flat[i].get(name, False) is not False]
                 found[i] = ", ".join(f"{_flag(name)}={_word(flat[i][name])}" for name in on)
@@ -51,7 +51,7 @@ def cautions(runs: "pd.DataFrame") -> list[str]:
         commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
         if len(commits) > 1:
             lines.append(f"runs of {task} were made at {len(commits)} commits: {', '.join(commits)}")
-    if partial := count_partial(runs):
+    if partial := (~runs["complete"]).sum():
         lines.append(f"runs that are not finished: {partial}; their last evaluation stands for their end")
     return list(dict.fromkeys(lines))
 
@@ -76,11 +76,6 @@ def _unlike_options(task: str, flat: Sequence[Mapping[str, Any]], named: Sequenc
 def configs(runs: "pd.DataFrame") -> list[dict[str, Any]]:
     """The options of runs, as config.json has them."""
     return [json.loads(text) for text in runs["config"]]
-
-
-def count_partial(runs: "pd.DataFrame") -> int:
-    """Number of runs that are not finished."""
-    return int((~runs["complete"].astype(bool)).sum())
 
 
 def _names(variant: str, name: str) -> bool:
