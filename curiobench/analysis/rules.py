@@ -74,7 +74,7 @@ def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
 def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
     """Runs that record the seed must have the protocol's."""
     found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
-    if not any(seed for _, seed in found):
+    if all(seed is None for _, seed in found):
         raise Skipped("made by a curiobench that did not write it down yet")
     yield from ((f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found if seed not in (None, EVALUATION_SEED))
 

@@ -46,7 +46,7 @@ def cautions(runs: "pd.DataFrame") -> list[str]:
     for task, group in runs.groupby("task", sort=True):
         lines += _unlike_options(task, [flatten(decisive(config)) for config in configs(group)], list(group["variant"]))
         for package in PACKAGES:
-            if len(found := sorted(set(group[package]))) > 1:
+            if len(found := sorted({*group[package]} - {""})) > 1:  # "" is not recorded, which is no difference
                 lines.append(f"runs of {task} were made with {package} {' and '.join(found)}")
         commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
         if len(commits) > 1:
@@ -117,7 +117,8 @@ def scale_of(runs: "pd.DataFrame") -> str:
     shared = {name: value for name, value in changed[0].items() if all(c.get(name) == value for c in changed)}
     with_ = f" with {', '.join(f'{name}={value}' for name, value in shared.items())}" if shared else ""
     epochs = spread(runs["epoch"], lambda number: f"{number:,.0f}")
-    return f"{robots}, {presets} preset{with_}: {epochs} epochs, {spread(runs['steps'], millions)} steps a run"
+    plural = "" if epochs == "1" else "s"
+    return f"{robots}, {presets} preset{with_}: {epochs} epoch{plural}, {spread(runs['steps'], millions)} steps a run"
 
 
 def _changed(config: Mapping[str, Any]) -> dict[str, Any]:

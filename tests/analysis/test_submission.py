@@ -127,6 +127,11 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
         (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
         (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
         (
+            lambda f: [edit_versions(path, evaluation_seed=0) for path in f.iterdir()],
+            "seed of the test episodes",
+            "0, not 20260",
+        ),
+        (
             lambda f: rewrite(first(f), satisfied={"000": 22, "100": 3}),
             "starts of the test episodes",
             "'all apart' holds at the start of 22 of 25 test episodes, not 23 (stack2-sac-0)\n'all close' holds",
