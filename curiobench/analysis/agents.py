@@ -42,7 +42,8 @@ def collect_agents(results: Results, trusted: Container[str]) -> tuple[dict[str,
         if found is None:
             lacking[reasons].append(f"{task} {method}")
             continue
-        run, config, weights = found
+        run, weights = found
+        config = read_content(results.config_files[run["run"]])
         place = f"{AGENTS}/{agent_name(task, method)}"
         files |= {f"{place}/config.json": config, f"{place}/{WEIGHTS}": weights}
         told = f"{run['run']} | {run['success']:.2f} | {run['learned']} of {run['goals']} | {len(weights):,}"
@@ -61,41 +62,34 @@ def _with_success(results: Results) -> pd.DataFrame:
 
 def _best_agent(
     runs: pd.DataFrame, config_files: Mapping[str, Path], trusted: Container[str]
-) -> tuple[tuple[dict[str, Any], bytes, bytes] | None, str]:
-    """The best run that has an agent, with the contents of its two files; None and the reasons if no run has one."""
+) -> tuple[tuple[dict[str, Any], bytes] | None, str]:
+    """The best run that has an agent, and the agent's weights; None and the reasons if no run has one."""
     reasons = []
     best_first = runs.sort_values(["success", "seed", "run"], ascending=[False, True, True])
     for run in best_first.to_dict("records"):
         try:
-            return (run, *_agent_of(run, config_files[run["run"]], trusted)), ""
+            return (run, _weights(run, config_files[run["run"]], trusted)), ""
         except ValueError as error:
             reasons.append(str(error))
     return None, "; ".join(dict.fromkeys(reasons))
 
 
-def _agent_of(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> tuple[bytes, bytes]:
-    """Contents of the agent's two files. Raises ValueError with the reason if there is no agent."""
-    if is_published(config_file.parents[1]):
-        return _in_set(run, config_file)
-    folder = config_file.parent
-    if not (folder / CHECKPOINT).is_dir():
-        raise ValueError("runs without a checkpoint")
-    from curiobench.published_agent import packed  # torch takes seconds to import
-    from curiobench.saved_agent import load_saved
+def _weights(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> bytes:
+    """Content of the agent's weights file. Raises ValueError with the reason if there is no agent."""
+    folder, home = config_file.parent, config_file.parents[1]
+    if is_published(home):
+        name = agent_name(run["task"], run["method"])
+        agent = home / AGENTS / name
+        if name in agents_of(home) and read_content(agent / "config.json") == read_content(config_file):
+            check_sums(home, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
+            return read_content(agent / WEIGHTS)
+    elif (folder / CHECKPOINT).is_dir():
+        from curiobench.published_agent import packed  # torch takes seconds to import
+        from curiobench.saved_agent import load_saved
 
-    saved = load_saved(folder, trusted)
-    if saved.epoch != run["epoch"]:
-        raise ValueError(
-            f"the checkpoint of {folder} is from epoch {saved.epoch}, the last evaluation from {run['epoch']}"
-        )
-    return read_content(config_file), packed(saved.agent)
-
-
-def _in_set(run: dict[str, Any], config_file: Path) -> tuple[bytes, bytes]:
-    """Contents of the two files of a run's agent in a published set. Raises ValueError if the set has none."""
-    home, name = config_file.parents[1], agent_name(run["task"], run["method"])
-    of_run = name in agents_of(home) and read_content(home / AGENTS / name / "config.json") == read_content(config_file)
-    if not of_run:
-        raise ValueError("runs without a checkpoint")
-    check_sums(home, tuple(f"{AGENTS}/{name}/{file}" for file in AGENT_FILES))
-    return read_content(config_file), read_content(home / AGENTS / name / WEIGHTS)
+        saved = load_saved(folder, trusted)
+        if saved.epoch != run["epoch"]:
+            there = f"the checkpoint of {folder} is from epoch {saved.epoch}"
+            raise ValueError(f"{there}, the last evaluation from {run['epoch']}")
+        return packed(saved.agent)
+    raise ValueError("runs without a checkpoint")

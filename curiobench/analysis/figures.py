@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ from curiobench.analysis.paper import ABLATIONS, CURIOUS
 from curiobench.analysis.samples import Sample, TaskSamples, task_samples
 from curiobench.analysis.statistics import performance_profile, seed_warnings
 from curiobench.analysis.style import caption, layer_in_words, method_name, seeds_in_words, theme
-from curiobench.analysis.variants import count_partial
 from curiobench.files import writing_to
 from curiobench.workers import no_collection, parallel_map
 
@@ -75,13 +73,12 @@ def _epochs(task: TaskSamples, y: str) -> Axis:
     """An x axis of epochs, with environment steps if all runs have the same number per epoch."""
     if task.steps_per_epoch is None:
         return Axis("epoch", y)
-    millions = task.steps_per_epoch / 1e6
-    return Axis("epoch (million steps)", y, lambda epoch: f"{epoch:.0f}\n({_short(epoch * millions)})")
 
+    def tick(epoch: float) -> str:
+        millions = epoch * task.steps_per_epoch / 1e6
+        return f"{epoch:.0f}\n({millions:{'.3g' if millions < 100 else '.0f'}})"
 
-def _short(number: float) -> str:
-    """Three digits, or all before the decimal point."""
-    return f"{number:.3g}" if number < 100 else f"{number:.0f}"
+    return Axis("epoch (million steps)", y, tick)
 
 
 @dataclass(frozen=True)
@@ -101,55 +98,38 @@ class FigureKind:
         return known and (self.methods is None or sample.method in self.methods)
 
 
-FIGURES = MappingProxyType(
-    {
-        "learning-curves": FigureKind(
-            draw_success,
-            "Success from plain starts, mean over goals",
-        ),
-        "learned-goals": FigureKind(
-            draw_learned,
-            "Goals with a success above 80 %",
-        ),
-        "exploitation": FigureKind(
-            draw_exploitation,
-            "Share of training steps at which the exploitation policy π_d acted; the rest was exploration",
-            column="share_exploitation",
-        ),
-        "bonus": FigureKind(
-            draw_bonus,
-            "Spread of the intrinsic reward τ · n(r_int): its standard deviation over a batch; near 0 it has no effect",
-            column="bonus_spread",
-        ),
-        "heat-map": FigureKind(
-            draw_heat_map,
-            "Success of each goal at the last evaluation",
-            "Mean over {seeds}",
-        ),
-        "profile": FigureKind(
-            draw_profile,
-            "Performance profile: share of goals and seeds whose final success is above τ; higher is better",
-        ),
-        "comparison": FigureKind(
-            draw_comparison,
-            "Learned goals and success at the last evaluation, and over training; dotted: before training",
-            "Large dots: mean over {seeds} and its 95 % bootstrap interval; small dots: each seed",
-        ),
-    }
-)
+FIGURES = {
+    "learning-curves": FigureKind(draw_success, "Success from plain starts, mean over goals"),
+    "learned-goals": FigureKind(draw_learned, "Goals with a success above 80 %"),
+    "exploitation": FigureKind(
+        draw_exploitation,
+        "Share of training steps at which the exploitation policy π_d acted; the rest was exploration",
+        column="share_exploitation",
+    ),
+    "bonus": FigureKind(
+        draw_bonus,
+        "Spread of the intrinsic reward τ · n(r_int): its standard deviation over a batch; near 0 it has no effect",
+        column="bonus_spread",
+    ),
+    "heat-map": FigureKind(draw_heat_map, "Success of each goal at the last evaluation", "Mean over {seeds}"),
+    "profile": FigureKind(
+        draw_profile,
+        "Performance profile: share of goals and seeds whose final success is above τ; higher is better",
+    ),
+    "comparison": FigureKind(
+        draw_comparison,
+        "Learned goals and success at the last evaluation, and over training; dotted: before training",
+        "Large dots: mean over {seeds} and its 95 % bootstrap interval; small dots: each seed",
+    ),
+}
 """Figures of all methods, by the ends of the files' names."""
 
-PAPER = MappingProxyType(
-    {
-        "figure-4": replace(FIGURES["learning-curves"], methods=CURIOUS),
-        "figure-6c": FIGURES["exploitation"],
-        "figure-7": replace(FIGURES["learning-curves"], methods=ABLATIONS),
-    }
-)
+PAPER = {
+    "figure-4": replace(FIGURES["learning-curves"], methods=CURIOUS),
+    "figure-6c": FIGURES["exploitation"],
+    "figure-7": replace(FIGURES["learning-curves"], methods=ABLATIONS),
+}
 """Figures of the paper, and the methods in them."""
-
-_Chosen = tuple[str, FigureKind, TaskSamples, Samples]
-"""A figure that is to be drawn: the name of its files, its kind, its task, and the samples in it."""
 
 
 def draw_figures(
@@ -170,7 +150,7 @@ def draw_figures(
         raise ValueError(f"like is {like!r}; it can be 'paper'")
     if unknown := sorted(set(formats) - set(FORMATS)):
         raise ValueError(f"unknown format {unknown[0]!r}; it must be one of {', '.join(FORMATS)}")
-    chosen: list[_Chosen] = []
+    chosen = []
     for task in task_samples(results):
         for name, kind in (PAPER if like else FIGURES).items():
             if samples := [sample for sample in task.samples if kind.shows(sample)]:
@@ -184,8 +164,8 @@ def draw_figures(
 
 
 @no_collection()
-def _write(chosen: _Chosen, out: Path, formats: Sequence[str]) -> list[Path]:
-    """Draw one figure and save its pages."""
+def _write(chosen: tuple[str, FigureKind, TaskSamples, Samples], out: Path, formats: Sequence[str]) -> list[Path]:
+    """Draw one figure, given the name of its files, its kind, its task and the samples in it, and save its pages."""
     name, kind, task, samples = chosen
     pages = kind.draw(task, samples)
     files = []
@@ -199,7 +179,7 @@ def _caption(task: TaskSamples, kind: FigureKind, samples: Samples) -> str:
     """The caption: what is drawn, the scale of the runs, seeds, and full specs of methods named by their class."""
     several = max(sample.n_seeds for sample in samples) > 1
     about = f"{task.task}, {task.scale}"
-    if partial_runs := count_partial(task.runs):
+    if partial_runs := (~task.runs["complete"]).sum():
         about += f"; {partial_runs} of {len(task.runs)} runs are partial, and curves end where a run of the method does"
     parts = [
         f"{kind.caption}; {about}",

@@ -8,7 +8,7 @@ from os.path import isfile  # unlike Path.exists, it never raises
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from curiobench.files import read_json, reading
+from curiobench.files import read_content, read_json
 from curiobench.methods.specs import display_name
 from curiobench.tasks.registration import TASKS
 
@@ -185,20 +185,17 @@ def _told(path: Path, agents: Sequence[str]) -> str:
 def check_sums(folder: Path, files: tuple[str, ...] = PUBLISHED_FILES) -> None:
     """Raises ValueError if the digest of a file in a published set differs from the one in SHA256SUMS."""
     sums = read_sums(folder)
-    for name, path in ((name, folder / name) for name in files):
-        with reading(path):
-            found = hashlib.sha256(path.read_bytes()).hexdigest()
-        if sums.get(name) != found:
-            raise ValueError(f"{path} was changed after publishing: its SHA-256 is not the one in {SUMS}")
+    for name in files:
+        if sums.get(name) != hashlib.sha256(read_content(folder / name)).hexdigest():
+            raise ValueError(f"{folder / name} was changed after publishing: its SHA-256 is not the one in {SUMS}")
 
 
 def read_sums(folder: Path) -> dict[str, str]:
     """Digests by file name, from a set's SHA256SUMS. Raises ValueError if it cannot be read."""
     path = folder / SUMS
-    with reading(path):
-        if not path.is_file():  # reading a named pipe would never end
-            raise ValueError(f"cannot read {path}: not a regular file")
-        lines = path.read_text("utf-8", errors="replace").splitlines()
+    if not isfile(path):  # reading a named pipe would never end
+        raise ValueError(f"cannot read {path}: not a regular file")
+    lines = read_content(path).decode(errors="replace").splitlines()
     return {file: digest for digest, _, file in (line.partition("  ") for line in lines)}
 
 

@@ -1,6 +1,5 @@
 """Conversion of tables to text for the terminal, markdown, LaTeX and csv, and the command `curiobench table`."""
 
-import csv
 import io
 import os
 import re
@@ -8,13 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os.path import isfile
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
 
 from curiobench.analysis.frames import Results, print_faults, read_results
 from curiobench.analysis.paper import flat_paper_table, paper_tables
 from curiobench.analysis.samples import task_samples
-from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_table, summarise
+from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_tables, summarise
 from curiobench.files import replace_file, utf8, writing_to
 from curiobench.methods.specs import display_name
 from curiobench.terminal import draws, wrapped
@@ -40,8 +41,8 @@ _LATEX = {
 
 _TO_FIT = r"  \resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"  # scale only tables wider than the text
 
-Tables = tuple[str, Sequence[Table], Table]
-"""Name of the files, tables for readers, and one table with all numbers for csv."""
+Tables = tuple[str, Sequence[Table], pd.DataFrame]
+"""Name of the files, tables for readers, and one frame with all numbers for csv."""
 
 
 def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = False) -> str:
@@ -58,8 +59,7 @@ def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = F
     for place, table in enumerate(tables):
         if place:
             console.print()
-        if table.title:
-            console.print(Text(wrapped(table.title, width), "bold"), end="\n\n")
+        console.print(Text(wrapped(table.title, width), "bold"), end="\n\n")
         grid = _grid(table)
         least = Measurement.get(console, console.options, grid).minimum
         console.print(grid, width=max(width or console.width, least))
@@ -94,8 +94,7 @@ def markdown(tables: Sequence[Table]) -> str:
         rows = [[f"{'**' * best}{_markdown(text)}{'**' * best}" for text, best in cells] for cells in _cells(table)]
         lines = [f"| {' | '.join(cells)} |" for cells in (heads, rules, *rows)]
         notes = [f"- {_markdown(note)}" for note in table.notes]
-        title = [f"**{_markdown(table.title)}**"] if table.title else []
-        parts += filter(None, map("\n".join, (title, lines, notes)))
+        parts += filter(None, (f"**{_markdown(table.title)}**", "\n".join(lines), "\n".join(notes)))
     return "\n\n".join(parts)
 
 
@@ -124,34 +123,24 @@ def _latex(text: str) -> str:
     return "".join(_LATEX.get(character, character) for character in text)
 
 
-WRITERS = MappingProxyType({"terminal": (terminal, "txt"), "markdown": (markdown, "md"), "latex": (latex, "tex")})
+WRITERS = {"terminal": (terminal, "txt"), "markdown": (markdown, "md"), "latex": (latex, "tex")}
 """Formats of the tables for readers: the function that writes each, and the suffix of its files."""
 
 
-def comma_separated(table: Table) -> str:
+def comma_separated(frame: pd.DataFrame) -> str:
     """One table as csv, with a header row and unrounded numbers. Intervals are in the columns `…_low` and `…_high`."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    names = {}
-    for key in (column.key for column in table.columns):
-        interval = any(isinstance(row.get(key), Estimate) for row in table.rows)
-        names[key] = [key, f"{key}_low", f"{key}_high"] if interval else [key]
-    writer.writerow([name for of_column in names.values() for name in of_column])
-    for row in table.rows:
-        writer.writerow([cell for key, own in names.items() for cell in _csv_cells(row.get(key))[: len(own)]])
-    return text.getvalue().rstrip("\n")
-
-
-def _csv_cells(value: Value) -> list[str]:
-    """A value and the ends of its interval."""
-    numbers = [value.value, value.low, value.high] if isinstance(value, Estimate) else [value, None, None]
-    plain = (f"{number:.12g}" if isinstance(number, float) else str(number) for number in numbers)
-    return ["" if number is None or number != number else text for number, text in zip(numbers, plain, strict=True)]
+    columns = {}
+    for name, values in frame.items():
+        columns[name] = values
+        if any(isinstance(value, Estimate) for value in values):
+            ends = pd.DataFrame([value if isinstance(value, Estimate) else Estimate(value) for value in values])
+            columns |= {name: ends["value"], f"{name}_low": ends["low"], f"{name}_high": ends["high"]}
+    return pd.DataFrame(columns).to_csv(index=False, float_format="%.12g", lineterminator="\n").rstrip("\n")
 
 
 def _is_number(table: Table, column: Column) -> bool:
     values = [row.get(column.key) for row in table.rows]
-    return all(value is None or not isinstance(value, str) or value[:1].isdigit() for value in values)
+    return all(not isinstance(value, str) or value[:1].isdigit() for value in values)
 
 
 def _cells(table: Table) -> list[list[tuple[str, bool]]]:
@@ -170,11 +159,10 @@ def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
     """A value and its interval as text; the interval is "" if there is none."""
     if value is None or value != value:
         return MISSING, ""
-    number, interval = value, ""
     if isinstance(value, Estimate):
-        number = value.value
-        interval = f"[{value.low:.{digits}f}, {value.high:.{digits}f}]" if value.has_interval else ""
-    return f"{number:.{digits}f}" if isinstance(number, float) else str(number), interval
+        interval = "" if np.isnan(value.low) else f"[{value.low:.{digits}f}, {value.high:.{digits}f}]"
+        return f"{value.value:.{digits}f}", interval
+    return f"{value:.{digits}f}" if isinstance(value, float) else str(value), ""
 
 
 def show_tables(arguments: "TableArguments") -> None:
@@ -215,7 +203,8 @@ def make_tables(
 ) -> Tables:
     """The tables of at least one run. Raises ValueError if a baseline is given and has no run."""
     if each_run:
-        return "runs", [run_table(results)], run_table(results, flat=True)
+        table, flat = run_tables(results)
+        return "runs", [table], flat
     chosen = check_baseline(results, baseline)
     summaries = summarise(task_samples(results), chosen)
     if like == "paper":

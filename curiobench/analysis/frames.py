@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
@@ -185,8 +184,11 @@ def _left_out(error: Exception) -> str:
 
 
 def _results(runs: Sequence[RunData], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
-    texts = variants([run.decisive() for run in runs])
-    order = sorted(zip(texts, runs, strict=True), key=_key)
+    def place(named: tuple[str, RunData]) -> tuple[Any, ...]:
+        variant, run = named
+        return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
+
+    order = sorted(zip(variants([run.decisive() for run in runs]), runs, strict=True), key=place)
     runs = [run for _, run in order]
     names = _names([Path(os.path.abspath(run.path)) for run in runs])
     rows = [run.values | {"run": name, "variant": text} for name, (text, run) in zip(names, order, strict=True)]
@@ -195,17 +197,11 @@ def _results(runs: Sequence[RunData], faults: tuple[str, ...], absent: tuple[str
         frame,
         _stacked(frame, [run.evaluations for run in runs], EVALUATION_COLUMNS),
         _stacked(frame, [run.layers for run in runs], LAYER_COLUMNS),
-        _progress_frame(frame, [run.progress for run in runs]),
+        _stacked(frame, [run.progress for run in runs], IDENTITY),
         {name: run.config_file for name, run in zip(names, runs, strict=True)},
         faults,
         absent,
     )
-
-
-def _key(named: tuple[str, RunData]) -> tuple[Any, ...]:
-    """Sort key of a run and its variant."""
-    variant, run = named
-    return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -220,28 +216,16 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def _identity(frame: pd.DataFrame, sizes: Sequence[int]) -> dict[str, Any]:
-    """The `IDENTITY` columns of a frame in which run i has `sizes[i]` rows."""
-    which = np.repeat(np.arange(len(frame)), sizes)
-    columns = {name: pd.Categorical(frame[name], list(dict.fromkeys(frame[name])))[which] for name in IDENTITY[:-1]}
-    return columns | {"seed": frame["seed"].to_numpy(np.int64)[which]}
-
-
 def _stacked(frame: pd.DataFrame, parts: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
-    """The rows of all runs; categories are in the order in which they first occur."""
-    if not parts:
-        return pd.DataFrame(columns=list(names))
-    columns = _identity(frame, [len(part) for part in parts])
-    for name in parts[0]:
-        values = [part[name] for part in parts]
-        text = isinstance(values[0].dtype, pd.CategoricalDtype)
-        columns[name] = union_categoricals(values) if text else np.concatenate(values)
-    return pd.DataFrame(columns, columns=list(names), copy=False)
+    """The rows of all runs, after their `IDENTITY`; categories are in the order in which they first occur.
 
-
-def _progress_frame(frame: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    `names` are the columns where there is no row.
+    """
     if not any(map(len, parts)):
-        return pd.DataFrame(columns=list(IDENTITY))
+        return pd.DataFrame(columns=list(names))
+    which = frame.index.repeat([len(part) for part in parts])
+    runs = frame[list(IDENTITY)].astype({name: pd.CategoricalDtype(frame[name].unique()) for name in IDENTITY[:-1]})
     rows = pd.concat([part for part in parts if len(part)], ignore_index=True)
-    columns = _identity(frame, [len(part) for part in parts])
-    return pd.concat([pd.DataFrame(columns, index=rows.index), rows], axis=1)
+    for name in rows.columns.intersection(["goal", "bits"]):
+        rows[name] = union_categoricals([part[name] for part in parts])
+    return pd.concat([runs.loc[which].reset_index(drop=True), rows], axis=1)

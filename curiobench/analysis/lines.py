@@ -15,7 +15,7 @@ from curiobench.analysis.canvas import new_figure
 from curiobench.analysis.colours import base
 from curiobench.analysis.samples import Sample
 from curiobench.analysis.statistics import curve_interval
-from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, labels, method_name, names, styles
+from curiobench.analysis.style import GREY, SMALL, TEXT, TEXT_WIDTH, method_name, names, styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ class _Curves:
 
     def __init__(self, samples: Sequence[Sample], panels: Sequence[Panel]) -> None:
         self.samples = samples
-        self.names, self.labels, self.styles = names(samples), labels(samples), styles(samples)
+        self.names, self.styles = names(samples), styles(samples)
         self.known: dict[tuple[Sample, str], tuple[np.ndarray, ...]] = {}
         for sample in samples:
             for panel in panels:
@@ -98,16 +98,11 @@ class _Curves:
         shift = round(gap * (self.samples.index(sample) + 0.5) / len(self.samples))
         marks = list(range(min(shift, len(x) - 1), len(x), gap))
         # clip_on: markers at the edge are whole
-        axes.plot(x, mean, label=self.labels[sample], markevery=marks, clip_on=False, **style)
-
-    def draw_grey(self, axes: "Axes", sample: Sample, panel: Panel) -> None:
-        """Line of a sample in the background."""
-        x, mean, *_ = self.known[sample, panel.title]
-        axes.plot(x, mean, **GREY)
+        axes.plot(x, mean, markevery=marks, clip_on=False, **style)
 
     def looks(self, samples: Sequence[Sample]) -> list[dict]:
-        """Names and styles of `samples` for the legend, in the order of all samples."""
-        return [{"label": self.labels[s], **self.styles[s]} for s in self.samples if s in samples]
+        """Labels and styles of `samples` for the legend, in the order of all samples."""
+        return [self.styles[sample] for sample in self.samples if sample in samples]
 
 
 def _overlaid(curves: _Curves, panels: Sequence[Panel], axis: Axis) -> "Figure":
@@ -133,7 +128,7 @@ def _multiples(curves: _Curves, groups: Sequence[Sequence[Sample]], panels: Sequ
     for number, (axes, (group, panel)) in enumerate(zip(_grid(figure, columns, len(fields)), fields, strict=True)):
         for sample in curves.samples:
             if sample not in group:
-                curves.draw_grey(axes, sample, panel)
+                axes.plot(*curves.known[sample, panel.title][:2], **GREY)
         for sample in group:
             curves.draw(axes, sample, panel)
         _finish(axes, panel, axis, bins=4 if columns <= COLUMNS else 3, first=number % columns == 0)

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 
+import pandas as pd
+
 from curiobench.analysis.samples import TaskSamples
 from curiobench.analysis.tables import Column, Summary, Table, Value, interval_notes, key_of, layer_name, name_columns
 from curiobench.analysis.variants import PAPER_STEPS, cautions, millions, spread
@@ -74,8 +76,7 @@ def _closing_notes(task: TaskSamples) -> list[str]:
 
 def _paper_columns(task: str) -> list[Column]:
     source = "paper" if task == PAPER_TASK else f"paper, {PAPER_TASK}"
-    layers = [Column(f"paper_{k}", f"{source}: {layer_name(k)}", 0) for k, _ in enumerate(PAPER_GOALS, start=1)]
-    return [*layers, Column("paper", f"{source}: total", 0)]
+    return [Column(key_of("paper", layer), f"{source}: {layer_name(layer)}", 0) for layer in (1, 2, 3, 0)]
 
 
 def _paper_values(counts: Sequence[int]) -> dict[str, Value]:
@@ -83,8 +84,7 @@ def _paper_values(counts: Sequence[int]) -> dict[str, Value]:
 
 
 def _our_columns(task: TaskSamples, digits: int) -> list[Column]:
-    layers = [Column(key_of("learned", layer), layer_name(layer), digits) for layer in task.sizes if layer]
-    return [*layers, Column("learned", "total", digits)]
+    return [Column(key_of("learned", layer), layer_name(layer), digits) for layer in (*filter(None, task.sizes), 0)]
 
 
 def _goals_table(task: TaskSamples) -> Table:
@@ -105,9 +105,8 @@ def _methods_table(task: TaskSamples, number: int, summaries: Sequence[Summary],
     return Table(f"Table {number}, {task.task}: learned goals, {about}", columns, tuple(rows), notes)
 
 
-def flat_paper_table(tables: Sequence[Table]) -> Table:
+def flat_paper_table(tables: Sequence[Table]) -> pd.DataFrame:
     """The tables one below the other, for csv files, with their numbers in the paper."""
-    first = {key: Column(key, key) for key in ("table", "task", "method", "variant", "seeds")}
-    numbers = {column.key: Column(column.key, column.key) for table in tables for column in table.columns}
-    rows = tuple(row for table in tables for row in table.rows)
-    return Table("", tuple((first | numbers).values()), rows)
+    keys = ["table", "task", "method", "variant", "seeds"]
+    keys += [column.key for table in tables for column in table.columns]
+    return pd.DataFrame([row for table in tables for row in table.rows], columns=list(dict.fromkeys(keys)))

@@ -61,9 +61,7 @@ def _what(task: TaskSamples) -> str:
 
 
 def _when(runs: pd.DataFrame) -> str:
-    begun, ended, machines = (
-        sorted({str(value) for value in runs[name].dropna()} - {""}) for name in ("created", "finished", "machine")
-    )
+    begun, ended, machines = (sorted({*runs[name]} - {""}) for name in ("created", "finished", "machine"))
     parts = []
     if begun:
         first, last = begun[0][:10], max(begun[-1][:10], (ended or begun)[-1][:10])
@@ -272,7 +270,8 @@ def run_rows(samples: Sequence[Sample]) -> list[dict[str, Any]]:
 
 
 def _run_row(values: dict[str, Any]) -> dict[str, Any]:
-    facts = [(_TITLES.get(name, name), _fact(values[name])) for name in _FACTS if _fact(values[name])]
+    known = values | {"updates": f"{values['updates']:,}"}
+    facts = [(_TITLES.get(name, name), known[name]) for name in _FACTS if known[name]]
     if not values["complete"]:
         facts.insert(0, ("state", f"not finished: {values['epoch']} of {values['epochs']} epochs"))
     entries = [_run_entry(values[name], write) for name, (_, write) in _SHOWN.items()]
@@ -284,8 +283,3 @@ def _run_entry(value: Any, write: Callable[[Any], str] | None) -> Entry:
     if write is None:
         return Entry(value, value)
     return Entry(MISSING, "", True) if math.isnan(value) else Entry(write(value), repr(float(value)), True)
-
-
-def _fact(value: Any) -> str:
-    """Text of a value, "" where it is not known."""
-    return f"{value:,}" if isinstance(value, int) else "" if value is None or value != value else str(value)

@@ -92,11 +92,10 @@ def _check_header(content: bytes, columns: Iterable[str]) -> list[str]:
 
 def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]) -> pd.DataFrame:
     """Read columns of a csv file that has them. Raises ValueError if a value has another type."""
-    types = {name: dtypes[name] for name in columns if name in dtypes}
     # index_col: without it a row with too many fields would shift the columns
     with warnings.catch_warnings():  # an infinite integer gives a warning and an error
         warnings.simplefilter("ignore", RuntimeWarning)
-        return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=types, index_col=False, low_memory=False)
+        return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=dtypes, index_col=False, low_memory=False)
 
 
 def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
@@ -116,12 +115,11 @@ def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) ->
     _check_success(*rates)
     if not ((rows["episodes"] > 0) & rows["episodes_unsatisfied"].between(0, rows["episodes"])).all():
         raise ValueError("episodes must be above 0 and episodes_unsatisfied from 0 to episodes")
-    texts = {"goal": _names(rows["goal"].to_numpy().reshape(-1, n_goals)), "bits": bits}
-    kept = rows if every_goal else rows[-n_goals:]
+    names = _names(rows["goal"].to_numpy().reshape(-1, n_goals))
+    kept = rows[list(DTYPES)].iloc[0 if every_goal else -n_goals :]
     codes = np.tile(np.arange(n_goals), len(kept) // n_goals)
-    columns = {name: kept[name].to_numpy() for name in DTYPES if name not in texts}
-    columns |= {name: pd.Categorical.from_codes(codes, words) for name, words in texts.items()}
-    return pd.DataFrame(columns, columns=list(DTYPES)), _layers(epoch, steps, layer[:n_goals], *rates)
+    texts = {"goal": pd.Categorical.from_codes(codes, names), "bits": pd.Categorical.from_codes(codes, bits)}
+    return kept.assign(**texts).reset_index(drop=True), _layers(epoch, steps, layer[:n_goals], *rates)
 
 
 def _check_goals(bits: pd.Series, layer: np.ndarray, starts: np.ndarray, task: str) -> list[str]:

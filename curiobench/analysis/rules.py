@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.frames import IDENTITY
+from curiobench.analysis.frames import IDENTITY, read_results
 from curiobench.analysis.style import count
 from curiobench.analysis.submission import (
     Fault,
@@ -22,7 +22,6 @@ from curiobench.analysis.submission import (
     apply_rules,
     first_of,
     goals_in,
-    read_submission,
     reference,
     rule,
     task_and_robot,
@@ -49,7 +48,7 @@ def submit_check(paths: Sequence[Path], against: str | None = None) -> tuple[str
 
     Returns a line that says what is compared with what, and one finding per property.
     """
-    compared, runs = reference(against), read_submission(paths)
+    compared, runs = reference(against), Submission(read_results(paths))
     methods = first_of(list(dict.fromkeys(runs.results.runs["method"]))) or "no method"
     return f"{count(len(runs.records), 'run')} of {methods}, compared with {compared.name}", apply_rules(runs, compared)
 
@@ -75,7 +74,7 @@ def task_version(runs: Submission, against: Reference) -> Iterator[Fault]:
 def evaluation_seed(runs: Submission, _: Reference) -> Iterator[Fault]:
     """Runs that record the seed must have the protocol's."""
     found = [(run, versions.get("evaluation_seed")) for run, versions in runs.versions]
-    if not any(seed for _, seed in found):
+    if all(seed is None for _, seed in found):
         raise Skipped("made by a curiobench that did not write it down yet")
     yield from ((f"{seed}, not {EVALUATION_SEED}", run) for run, seed in found if seed not in (None, EVALUATION_SEED))
 

@@ -100,9 +100,8 @@ def read_head(path: Path) -> RunData:
 
 def columns_of(config: Mapping[str, Any]) -> dict[str, Any]:
     """The options that have a column of their own in the frame `runs`."""
-    return {name: config[name] for name in ("task", "seed", "robot", "preset", "epochs")} | {
-        "method": display_name(config["method"])
-    }
+    same = {name: config[name] for name in ("task", "seed", "robot", "preset", "epochs")}
+    return same | {"method": display_name(config["method"])}
 
 
 def _starts(record: Mapping[str, Any], name: str) -> list[Any]:

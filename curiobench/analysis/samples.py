@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.colours import line_styles
-from curiobench.analysis.frames import Results, place_of
+from curiobench.analysis.frames import Results
 from curiobench.analysis.statistics import area_under_curve
 from curiobench.analysis.variants import scale_of
 
@@ -62,7 +62,7 @@ class Untrained(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TaskSamples:
-    """All samples of a task, in the order of `place_of`."""
+    """All samples of a task, in the order of `Results.runs`."""
 
     task: str
     runs: pd.DataFrame  # the task's rows of `Results.runs`
@@ -93,14 +93,13 @@ def _of_task(task: str, runs: pd.DataFrame, results: Results, looks: Mapping[str
     )
     goals = evaluations[evaluations["run"] == runs["run"].iloc[0]].drop_duplicates("bits")
     sizes = {int(layer): int(size) for layer, size in layers.groupby("layer")["goals"].first().items()}
-    groups = {key: rows for key, rows in runs.groupby(["method", "variant"])}
     samples = []
-    for key in sorted(groups, key=lambda key: (place_of(key[0]), key[1])):
-        names = list(groups[key]["run"])
+    for (method, variant), own in runs.groupby(["method", "variant"], sort=False):
+        names = list(own["run"])
         curves = _curves(names, layers, list(sizes))
         ends = _ends(names, evaluations, goals)
         logged = {column: _logged(names, progress, column) for column in LOGGED}
-        samples.append(Sample(task, *key, groups[key], *curves, *ends, logged, looks[key[0]]))
+        samples.append(Sample(task, method, variant, own, *curves, *ends, logged, looks[method]))
     before = layers[(layers["epoch"] == 0) & (layers["layer"] == 0)]
     return TaskSamples(
         task=task,
@@ -118,28 +117,22 @@ def _of_task(task: str, runs: pd.DataFrame, results: Results, looks: Mapping[str
 
 def _curves(runs: Sequence[str], frame: pd.DataFrame, layers: Sequence[int]) -> tuple[np.ndarray, ...]:
     """The fields of a sample from `epochs` to `reached`."""
-    names = frame["run"].astype("category").cat
-    place = pd.Index(runs).get_indexer(names.categories)  # of each category among the runs, -1 for those of others
-    seed = place[names.codes]
-    frame, seed = frame[seed >= 0], seed[seed >= 0]
-    epoch, layer = frame["epoch"].to_numpy(int), np.searchsorted(layers, frame["layer"].to_numpy(int))
-    epochs = np.flatnonzero(np.bincount(epoch))
-    grid = np.full((2, len(runs), len(epochs), len(layers)), np.nan)
-    grid[:, seed, np.searchsorted(epochs, epoch), layer] = frame[["success", "learned"]].to_numpy(float).T
+    rows = frame[frame["run"].isin(runs)].astype({"run": str})
+    epochs = np.unique(rows["epoch"].to_numpy(int))
+    every = pd.MultiIndex.from_product([runs, epochs, layers])
+    values = rows.set_index(["run", "epoch", "layer"])[["success", "learned"]].reindex(every).to_numpy(float)
+    grid = values.T.reshape(2, len(runs), len(epochs), len(layers))
     known = ~np.isnan(grid[0]).any(axis=-1)  # (S, E)
     if not (common := known.all(axis=0)).any():
         raise ValueError(f"the runs {', '.join(runs)} have no evaluation of all goals in common")
     last_success, last_learned = grid[:, np.arange(len(runs)), len(epochs) - 1 - known[:, ::-1].argmax(axis=1)]
-    scores = [_over_training(epochs[own], values[own, 0]) for own, values in zip(known, grid[0], strict=True)]
-    area, reached = np.array(scores).T
-    return epochs[common], *grid[:, :, common], last_success, last_learned, area, reached[~np.isnan(reached)]
-
-
-def _over_training(epochs: np.ndarray, success: np.ndarray) -> tuple[float, float]:
-    """Mean success over training, and the first epoch with good success, from `(E,)` evaluations of one run."""
-    success = np.round(success, DECIMALS)
-    good = epochs[success >= GOOD_SUCCESS]
-    return np.round(area_under_curve(epochs, success), DECIMALS), good[0] if len(good) else np.nan
+    area, reached = [], []
+    for own, values in zip(known, grid[0], strict=True):
+        own_epochs, own_success = epochs[own], np.round(values[own, 0], DECIMALS)
+        area.append(np.round(area_under_curve(own_epochs, own_success), DECIMALS))
+        reached.extend(own_epochs[own_success >= GOOD_SUCCESS][:1])
+    ends = last_success, last_learned
+    return epochs[common], *grid[:, :, common], *ends, np.array(area), np.array(reached, float)
 
 
 def _ends(runs: Sequence[str], evaluations: pd.DataFrame, goals: pd.DataFrame) -> list[np.ndarray]:

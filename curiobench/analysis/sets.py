@@ -48,7 +48,7 @@ def _read(folder: Path, every_goal: bool) -> list[RunData]:
         raise ValueError(f"{min(strangers)!r} has rows, but is not in runs.csv")
     rows_of, details_of = dict(list(rows.groupby("run"))), dict(list(details.groupby("run")))
     return [
-        _run(folder, row, rows_of.get(row["run"]), details_of.get(row["run"]), every_goal)
+        _run(folder, row, rows_of.get(row["run"]), details_of.get(row["run"], details[:0]), every_goal)
         for row in heads.to_dict("records")
     ]
 
@@ -63,7 +63,7 @@ def _csv(path: Path, required: tuple[str, ...], dtypes: dict[str, Any]) -> pd.Da
 
 
 def _run(
-    folder: Path, row: dict[str, Any], rows: pd.DataFrame | None, details: pd.DataFrame | None, every_goal: bool
+    folder: Path, row: dict[str, Any], rows: pd.DataFrame | None, details: pd.DataFrame, every_goal: bool
 ) -> RunData:
     """A run from its row of runs.csv, and its rows of the other two files."""
     config, name = check_config(json.loads(row["config"])), row["run"]
@@ -77,15 +77,10 @@ def _run(
         if not (0 <= row[column] < LARGEST_NUMBER or (np.isnan(row[column]) and not row["complete"])):
             legal = f"at least 0 and below {LARGEST_NUMBER:.0e}"
             raise ValueError(f"runs.csv: {column} of run {name} is {row[column]}; it must be {legal}")
-    values = columns_of(config) | {column: row[column] for column in _TEXT[1:]}
-    values |= {"complete": row["complete"], "epoch": epoch, "steps": steps, "updates": int(row["updates"])}
-    values |= {"hours": row["hours"], "peak_memory_mb": row["peak_memory_mb"]}
+    values = columns_of(config) | {column: row[column] for column in (*_TEXT[1:], *_NUMBERS, "complete")}
+    values |= {"epoch": epoch, "steps": steps, "updates": int(row["updates"])}
     file = folder / CONFIGS / f"{name}.json"
-    progress = pd.DataFrame() if details is None else _own_columns(details)
+    foreign = ["run", "task", "method", "variant", "seed"]
+    progress = details.drop(columns=foreign, errors="ignore").dropna(axis="columns", how="all")
+    progress = progress.reset_index(drop=True)
     return RunData(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)
-
-
-def _own_columns(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of one run's progress.csv, without the columns that only other methods have."""
-    given = rows.drop(columns=["task", "method", "variant", "seed", "run"], errors="ignore")
-    return given.dropna(axis="columns", how="all").reset_index(drop=True)

@@ -150,9 +150,7 @@ def _counts(size: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _counts_of_seed(size: int, resamples: int, seed: int) -> np.ndarray:
     """`_counts` from a new generator, cached because all curves of a figure use the same counts."""
-    counts = _counts(size, resamples, np.random.default_rng(seed))
-    counts.flags.writeable = False
-    return counts
+    return _counts(size, resamples, np.random.default_rng(seed))
 
 
 def _wins(x: np.ndarray, y: np.ndarray) -> np.ndarray:

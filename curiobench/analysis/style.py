@@ -23,13 +23,14 @@ _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D
 
 
 def styles(samples: Sequence[Sample]) -> dict[Sample, dict[str, Any]]:
-    """Keywords of `Axes.plot` for each sample: its method's colour and dashes, and a marker.
+    """Keywords of `Axes.plot` for each sample: its label, its method's colour and dashes, and a marker.
 
     The marker is the method's. If two samples would look the same, the second gets another one. Markers are filled with
     the hybrid mechanism.
     """
     found: dict[Sample, dict[str, Any]] = {}
     taken: set[tuple[str, str, str]] = set()
+    named = labels(samples)
     for sample in samples:
         look = sample.look
         own = _MARKERS.get(base(sample.method))
@@ -37,7 +38,8 @@ def styles(samples: Sequence[Sample]) -> dict[Sample, dict[str, Any]]:
         key = next((key for key in keys if key not in taken), keys[0])
         taken.add(key)
         filled = look["color"] if look["linestyle"] == "-" else "white"
-        found[sample] = {**look, "marker": key[2], "markerfacecolor": filled, "markeredgewidth": 1}
+        marker = {"marker": key[2], "markerfacecolor": filled, "markeredgewidth": 1}
+        found[sample] = {"label": named[sample], **look, **marker}
     return found
 
 

@@ -7,13 +7,12 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from curiobench.analysis import available, load
-from curiobench.analysis.frames import EVALUATION_COLUMNS, Results, read_results
+from curiobench.analysis.frames import EVALUATION_COLUMNS, Results
 from curiobench.analysis.runs import versions_of
 from curiobench.check import Finding, Skipped
 from curiobench.config import with_later_fields
@@ -38,7 +37,11 @@ class Submission:
     """Runs to check."""
 
     results: Results
-    records: Mapping[str, Mapping[str, Any]]  # what config.json holds, by run
+
+    @cached_property
+    def records(self) -> dict[str, dict[str, Any]]:
+        """What config.json holds, by run."""
+        return {run: read_json(file) for run, file in self.results.config_files.items()}
 
     @cached_property
     def configs(self) -> dict[str, dict[str, Any]]:
@@ -156,19 +159,10 @@ def rule(property: str, verdict: str = "FAIL") -> Callable[[Rule], Rule]:
     return add
 
 
-def read_submission(paths: Sequence[Path]) -> Submission:
-    """The runs at paths, with faults about those that cannot be used."""
-    return _with_records(read_results(paths))
-
-
 def reference(against: str | None) -> Reference:
     """The reference of this name. Raises ValueError if there is no such set, or it is damaged."""
     name = against or (available() or [PRESETS_ONLY])[-1]
-    return Reference("the presets") if name == PRESETS_ONLY else Reference(name, _with_records(load(name)))
-
-
-def _with_records(results: Results) -> Submission:
-    return Submission(results, {run: read_json(file) for run, file in results.config_files.items()})
+    return Reference("the presets") if name == PRESETS_ONLY else Reference(name, Submission(load(name)))
 
 
 def apply_rules(runs: Submission, against: Reference) -> list[Finding]:
@@ -183,20 +177,14 @@ def _finding(property: str, verdict: str, rule: Rule, runs: Submission, against:
     """The finding of one rule; runs with the same fault are named together."""
     where: dict[str, list[str]] = {}
     try:
-        for fault, run in rule(runs, against):
-            where.setdefault(fault, []).append(run)
+        for fault, run in dict.fromkeys(rule(runs, against)):
+            where.setdefault(fault, []).extend(filter(None, [run]))
     except Skipped as reason:
         return Finding(property, "skip", str(reason))
-    lines = [fault + _named(names) for fault, names in where.items()]
+    lines = [f"{fault} ({first_of(names)})" if names else fault for fault, names in where.items()]
     if len(lines) > _MOST_FAULTS:
         lines[_MOST_FAULTS:] = [f"and {len(lines) - _MOST_FAULTS} more"]
     return Finding(property, verdict if lines else "pass", "\n".join(lines))
-
-
-def _named(runs: Iterable[str]) -> str:
-    """The runs behind a fault, in brackets."""
-    names = list(dict.fromkeys(filter(None, runs)))
-    return f" ({first_of(names)})" if names else ""
 
 
 def first_of(names: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from curiobench.analysis.frames import Results
 from curiobench.analysis.samples import DECIMALS, GOOD_SUCCESS, Sample, TaskSamples
@@ -38,11 +39,6 @@ class Estimate:
     value: float
     low: float = float("nan")
     high: float = float("nan")
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether both ends are numbers."""
-        return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
 Value = str | int | float | Estimate | None
@@ -83,11 +79,9 @@ class Table:
             return None
         if min(row.get("seeds", ENOUGH_SEEDS) for row in self.rows) < ENOUGH_SEEDS:
             return None  # intervals of so few seeds miss the true value too often
-        if not all(isinstance(value, Estimate) and value.has_interval for value in values):
-            return None
         first = max(range(len(values)), key=lambda i: values[i].value)
         others = [value.high for i, value in enumerate(values) if i != first]
-        return first if values[first].low > max(others) else None
+        return first if values[first].low > np.max(others) else None  # not where an end is NaN
 
 
 def summarise(tasks: Sequence[TaskSamples], baseline: str = "sac") -> list[Summary]:
@@ -182,8 +176,9 @@ def interval_notes(summaries: Sequence[Summary]) -> list[str]:
 def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
     task = summaries[0].task
     goals, before = task.sizes, task.untrained
-    learned = [Column(f"learned_{k}", f"{layer_name(k)} (of {n})", 1, contest=True) for k, n in goals.items() if k]
-    learned.append(Column("learned", f"total (of {goals[0]})", 1, contest=True))
+    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
+    layers = [*filter(None, goals), 0]
+    learned = [Column(key_of("learned", k), f"{layer_name(k)} (of {goals[k]})", 1, contest=True) for k in layers]
     success = [
         Column("middle_success", "IQM of final success", contest=True),
         Column("success", "final success", contest=True),
@@ -193,7 +188,6 @@ def _tables_of_task(summaries: list[Summary], baseline: str) -> list[Table]:
     if any(summary.values["better"] is not None for summary in summaries):
         success.append(Column("better", f"P(final > {baseline})"))
         success.append(Column("better_area", f"P(over training > {baseline})"))
-    names, rows = name_columns(summaries), tuple(summary.values for summary in summaries)
     hours = Column("hours", "hours a run", hour_digits(min(row["hours"] for row in rows)))
     cost = [hours, Column("memory", "peak memory, MB", 0), Column("machine", "machine")]
     brackets = interval_notes(summaries)
@@ -228,8 +222,8 @@ def _comparison_notes(summaries: Sequence[Summary], baseline: str) -> list[str]:
 
 
 def layer_name(layer: int) -> str:
-    """Heading of a layer."""
-    return "1 layer" if layer == 1 else f"{layer} layers"
+    """Heading of a layer; "total" for 0, which is all layers together."""
+    return "total" if layer == 0 else "1 layer" if layer == 1 else f"{layer} layers"
 
 
 def name_columns(summaries: Sequence[Summary]) -> list[Column]:
@@ -238,8 +232,8 @@ def name_columns(summaries: Sequence[Summary]) -> list[Column]:
     return [Column("method", "method"), *variant, Column("seeds", "seeds", 0)]
 
 
-def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
-    """All numbers of `method_tables` in one table for csv files, with one row per task, method and variant."""
+def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> pd.DataFrame:
+    """All numbers of `method_tables` in one frame for csv files, with one row per task, method and variant."""
     layers = sorted({layer for summary in summaries for layer in summary.task.sizes if layer})
     keys = [
         *("task", "method", "variant", "seeds", "epochs", "goals", "learned"),
@@ -255,34 +249,30 @@ def flat_table(summaries: Sequence[Summary], baseline: str = "sac") -> Table:
         flat |= {"epochs_to_good": float(reached.mean()) if len(reached) else None}
         flat |= {"baseline": None if summary.values["better"] is None else baseline}
         rows.append(summary.values | goals | flat)
-    return Table("", tuple(Column(key, key) for key in keys), tuple(rows))
+    return pd.DataFrame(rows, columns=keys)
 
 
-def run_table(results: Results, flat: bool = False) -> Table:
-    """A table of one or more runs: identity, progress and learned goals. `flat` selects the columns for csv files."""
-    ends = {run: rows.to_dict("records") for run, rows in results.layers.groupby("run", observed=True)}
-    rows = [_run_row(run, ends[run["run"]], flat) for run in results.runs.to_dict("records")]
-    layers = sorted(set(results.layers["layer"]) - {0})
+def run_tables(results: Results) -> tuple[Table, pd.DataFrame]:
+    """One or more runs, a line each: identity, progress, learned goals; as a table, and all numbers for csv files."""
+    last = results.layers.merge(results.runs[["run", "epoch"]]).astype({"run": str})
+    layers = [*sorted(set(last["layer"]) - {0}), 0]
+    wide = last.pivot(index="run", columns="layer", values=["learned", "goals", "success"])
+    wide.columns = [key_of(name, layer) for name, layer in wide.columns]
     names = ["run", "task", "method", "variant", "seed"]
-    if not flat and not results.runs["variant"].any():
+    goals = [key_of(name, layer) for layer in layers for name in ("learned", "goals")]
+    flat = results.runs.join(wide, on="run").astype({"complete": int})
+    flat = flat[[*names, "epoch", "epochs", "complete", *goals, "success"]]
+    if not flat["variant"].any():
         names.remove("variant")
-    columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in names]
-    layers.append(0)
-    if flat:
-        goals = [key_of(name, layer) for layer in layers for name in ("learned", "goals")]
-        columns += [Column(name, name) for name in ("epoch", "epochs", "complete", *goals)]
-    else:
-        learned = [Column(key_of("learned", layer), layer_name(layer) if layer else "total") for layer in layers]
-        columns += [Column("epoch", "epoch"), *learned]
-    return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), tuple(rows))
+    columns = [Column(name, {"variant": "options"}.get(name, name), 0) for name in [*names, "epoch"]]
+    columns += [Column(key_of("learned", layer), layer_name(layer)) for layer in layers]
+    rows = tuple(_run_row(row, layers) for row in flat.to_dict("records"))
+    return Table("learned goals at the last evaluation", (*columns, Column("success", "success")), rows), flat
 
 
-def _run_row(run: dict[str, Any], layers: list[dict[str, Any]], flat: bool) -> dict[str, Value]:
-    row = dict(run)
-    for found in (layer for layer in layers if layer["epoch"] == run["epoch"]):
-        learned, goals = (key_of(name, found["layer"]) for name in ("learned", "goals"))
-        row |= {learned: found["learned"] if flat else f"{found['learned']}/{found['goals']}", goals: found["goals"]}
-        row.setdefault("success", found["success"])  # the first layer is all goals together
-    if flat:
-        return row | {"complete": int(run["complete"])}
-    return row | {"epoch": f"{run['epoch']}" + f" of {run['epochs']}" * (run["epoch"] != run["epochs"])}
+def _run_row(row: dict[str, Any], layers: Sequence[int]) -> dict[str, Value]:
+    """Numbers of a run as `Table` shows them: "6/8" goals, epoch "4 of 20"."""
+    for layer in layers:
+        learned, goals = (row[key_of(name, layer)] for name in ("learned", "goals"))
+        row[key_of("learned", layer)] = None if np.isnan(goals) else f"{learned:.0f}/{goals:.0f}"
+    return row | {"epoch": f"{row['epoch']}" + f" of {row['epochs']}" * (row["epoch"] != row["epochs"])}

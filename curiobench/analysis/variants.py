@@ -3,7 +3,6 @@
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from curiobench.analysis.runs import decisive
@@ -34,7 +33,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
         differing = _differing([flat[i] for i in members])
         named = ["preset"] if "preset" in differing and len(differing) > 1 else []  # the name alone sets no run apart
         for within in _groups(flat, members, "preset"):
-            names = named + [name for name in _differing([flat[i] for i in within]) if name != "preset"]
+            names = named + _differing([flat[i] for i in within])
             for i in within:
                 on = [name for name in names if flat[i].get(name, False) is not False]
                 found[i] = ", ".join(f"{_flag(name)}={_word(flat[i][name])}" for name in on)
@@ -47,12 +46,12 @@ def cautions(runs: "pd.DataFrame") -> list[str]:
     for task, group in runs.groupby("task", sort=True):
         lines += _unlike_options(task, [flatten(decisive(config)) for config in configs(group)], list(group["variant"]))
         for package in PACKAGES:
-            if len(found := sorted(set(group[package]))) > 1:
+            if len(found := sorted({*group[package]} - {""})) > 1:  # "" is not recorded, which is no difference
                 lines.append(f"runs of {task} were made with {package} {' and '.join(found)}")
         commits = list(dict.fromkeys(commit[:7] for text in group["git_commit"] for commit in text.split()))
         if len(commits) > 1:
             lines.append(f"runs of {task} were made at {len(commits)} commits: {', '.join(commits)}")
-    if partial := count_partial(runs):
+    if partial := (~runs["complete"]).sum():
         lines.append(f"runs that are not finished: {partial}; their last evaluation stands for their end")
     return list(dict.fromkeys(lines))
 
@@ -77,11 +76,6 @@ def _unlike_options(task: str, flat: Sequence[Mapping[str, Any]], named: Sequenc
 def configs(runs: "pd.DataFrame") -> list[dict[str, Any]]:
     """The options of runs, as config.json has them."""
     return [json.loads(text) for text in runs["config"]]
-
-
-def count_partial(runs: "pd.DataFrame") -> int:
-    """Number of runs that are not finished."""
-    return int((~runs["complete"].astype(bool)).sum())
 
 
 def _names(variant: str, name: str) -> bool:
@@ -123,21 +117,16 @@ def scale_of(runs: "pd.DataFrame") -> str:
     shared = {name: value for name, value in changed[0].items() if all(c.get(name) == value for c in changed)}
     with_ = f" with {', '.join(f'{name}={value}' for name, value in shared.items())}" if shared else ""
     epochs = spread(runs["epoch"], lambda number: f"{number:,.0f}")
-    return f"{robots}, {presets} preset{with_}: {epochs} epochs, {spread(runs['steps'], millions)} steps a run"
+    plural = "" if epochs == "1" else "s"
+    return f"{robots}, {presets} preset{with_}: {epochs} epoch{plural}, {spread(runs['steps'], millions)} steps a run"
 
 
 def _changed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Options that every method has, with another value than in the preset."""
-    usual = _usual(config["preset"], config["task"])
+    usual = flatten(preset(config["preset"], config["task"]).decisive()) if config["preset"] in PRESETS else {}
     flat = flatten({n: v for n, v in decisive(config).items() if n not in (*RUN_OPTIONS, "robot", "preset", "epochs")})
     own = (_SETTINGS, "hybrid.")
     return {n: value for n, value in flat.items() if not n.startswith(own) and n in usual and value != usual[n]}
-
-
-@cache
-def _usual(name: str, task: str) -> dict[str, Any]:
-    """Options of a preset for a task; none of one that is not known."""
-    return flatten(preset(name, task).decisive()) if name in PRESETS else {}
 
 
 def spread(values: "pd.Series", write: Callable[[float], str]) -> str:

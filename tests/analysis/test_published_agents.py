@@ -119,7 +119,7 @@ def test_publishing_again_keeps_agents_and_their_bytes(out, finished, hybrid, tm
 
 
 def test_the_best_run_gives_the_agent_and_of_equals_the_lowest_seed(make_runs, monkeypatch):
-    monkeypatch.setattr(choice, "_agent_of", lambda run, file, trusted: (b"", run["run"].encode()))
+    monkeypatch.setattr(choice, "_weights", lambda run, file, trusted: run["run"].encode())
     made = {("sac", 0): 0.6, ("sac", 1): 0.8, ("sac", 2): 0.8, ("mihm", 0): 0.4, ("mihm", 1): 0.2, ("mihm", 2): 0.4}
     runs = make_runs(success=lambda task, method, seed, epoch, goal: made[method, seed])
     files, notes = choice.collect_agents(read_results(runs), ())

@@ -20,9 +20,10 @@ from lawful import (
 
 from curiobench.analysis import load, submission
 from curiobench.analysis import publish as publish_module
+from curiobench.analysis.frames import read_results
 from curiobench.analysis.publish import publish
 from curiobench.analysis.rules import submit_check
-from curiobench.analysis.submission import PRESETS_ONLY, read_submission
+from curiobench.analysis.submission import PRESETS_ONLY, Submission
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_a_run_is_judged_by_its_own_config_where_one_of_its_name_was_left_out(ru
     other = shutil.copytree(first(runs), tmp_path / "others" / first(runs).name)
     (other / "result.json").unlink()
     edit_options(other, seed=99)
-    submission = read_submission([tmp_path / "others", runs])
+    submission = Submission(read_results([tmp_path / "others", runs]))
     assert submission.records[other.name]["config"]["seed"] == 0
 
 
@@ -126,6 +127,11 @@ COMPLETE, OPTIONS = "every folder holds one whole run", "options, apart from the
         (lambda f: (first(f) / "result.json").unlink(), COMPLETE, "stack2-sac-0 is partial"),
         (lambda f: edit_versions(first(f), task_version=2), "version of the tasks", "version 2, not 1 (stack2-sac-0)"),
         (lambda f: edit_versions(first(f), evaluation_seed=1), "seed of the test episodes", "1, not 20260"),
+        (
+            lambda f: [edit_versions(path, evaluation_seed=0) for path in f.iterdir()],
+            "seed of the test episodes",
+            "0, not 20260",
+        ),
         (
             lambda f: rewrite(first(f), satisfied={"000": 22, "100": 3}),
             "starts of the test episodes",

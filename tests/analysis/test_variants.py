@@ -4,7 +4,7 @@ import pytest
 from lawful import edit_json, edit_versions, lengthen
 
 from curiobench.analysis.frames import read_results
-from curiobench.analysis.variants import cautions
+from curiobench.analysis.variants import cautions, scale_of
 
 ICM, SAC, MIHM = ({"methods": (name,), "seeds": 1} for name in ("icm", "sac", "mihm"))
 GREEDY = {"sac.gamma": 0.9}
@@ -95,3 +95,14 @@ def test_versions_and_commits_that_differ_are_named(make_runs, tmp_path):
         "runs of stack2 were made with mujoco 1.0 and 9.9",
         "runs of stack2 were made at 3 commits: abcdef0, 1234567, c0ffee",
     ]
+
+
+def test_a_version_that_is_not_recorded_is_no_difference(make_runs):
+    paths = make_runs(methods=("sac",), seeds=2)
+    edit_versions(paths[0], torch=None, git_commit=None)
+    assert cautions(read_results(paths).runs) == []
+
+
+def test_the_scale_of_one_epoch(make_runs):
+    runs = read_results(make_runs(methods=("sac",), seeds=1, epochs=1)).runs
+    assert scale_of(runs) == "gripper, short preset: 1 epoch, 1,000 steps a run"
