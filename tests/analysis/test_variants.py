@@ -105,4 +105,4 @@ def test_a_version_that_is_not_recorded_is_no_difference(make_runs):
 
 def test_the_scale_of_one_epoch(make_runs):
     runs = read_results(make_runs(methods=("sac",), seeds=1, epochs=1)).runs
-    assert scale_of(runs) == "gripper, short preset: 1 epoch, 1,000 steps a run"
+    assert scale_of(runs) == "gripper, laptop preset: 1 epoch, 1,000 steps a run"
