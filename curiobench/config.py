@@ -22,7 +22,6 @@ from curiobench.options import (
     build_dataclass,
     changes,
     flatten,
-    with_later_settings,
     with_track,
 )
 from curiobench.replay import ReplayConfig
@@ -207,7 +206,6 @@ class RunConfig:
         found = parse_spec(config.method).method
         if found is None:
             raise ValueError(f"unknown config field method_config: {config.method} has no settings")
-        settings = with_later_settings(config.method, settings)
         return replace(config, method_config=build_dataclass(found.Config, settings, "method_config."))
 
     def decisive(self) -> dict[str, Any]:
@@ -243,7 +241,7 @@ def with_later_fields(options: Mapping[str, Any]) -> dict[str, Any]:
             filled.setdefault(name, defaults[name])
         elif isinstance(filled.get(group), dict):
             filled[group] = {field_name: defaults[group][field_name]} | filled[group]
-    return filled | {"method_config": with_later_settings(filled.get("method"), filled["method_config"])}
+    return filled
 
 
 def differences(old: RunConfig, new: RunConfig) -> list[str]:

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from curiobench.methods.specs import canonical, split
-
 ADDED_LATER = (
     "hybrid", "method_config", "machine.keep_replay", "starts", "curriculum", "replay.relabelling",
     "replay.arrival_share", "sac.network", "sac.features", "sac.detail_scale", "sac.actor_every",
@@ -16,9 +14,6 @@ ADDED_LATER = (
     "schedule_epochs", "hybrid.adaptive_tau", "hybrid.spread_ratio", "hybrid.tau_rate",
 )  # fmt: skip
 """Fields that configs of older runs lack, by dotted name."""
-
-_SEES_ADDED_LATER = ("rnd", "re3", "mi")
-"""Methods whose settings of older runs lack `sees`, which was "full" then."""
 
 
 def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
@@ -38,13 +33,6 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 def added_later(name: str) -> bool:
     """Whether a field, by dotted name, or its group was added later."""
     return name in ADDED_LATER or name.partition(".")[0] in ADDED_LATER
-
-
-def with_later_settings(method: Any, settings: Any) -> Any:
-    """Plain settings of a method, with `sees` where an older run lacks it."""
-    if isinstance(settings, dict) and isinstance(method, str) and split(canonical(method))[0] in _SEES_ADDED_LATER:
-        return {"sees": "full"} | settings
-    return settings
 
 
 def with_track(values: Any) -> Any:

@@ -11,7 +11,6 @@ from curiobench.config import (
     MachineConfig,
     RunConfig,
     differences,
-    with_later_fields,
 )
 from curiobench.methods.agents.settings import HybridConfig
 from curiobench.presets import PRESET_LINES, PRESETS, preset
@@ -142,12 +141,3 @@ def test_settings_of_another_method_are_refused():
         RunConfig.from_json(values)
     with pytest.raises(ValueError, match="sac has no settings"):
         RunConfig.from_json(rnd.to_json() | {"method": "sac"})
-
-
-@pytest.mark.parametrize("method", ["rnd", "re3+hm", "mihm"])
-def test_settings_of_before_sees_are_read_as_full(method):
-    config = RunConfig(method=method)
-    older = config.to_json()
-    del older["method_config"]["sees"]
-    assert RunConfig.from_json(older) == config
-    assert with_later_fields(older) == config.to_json()
