@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+from sections import DOCS
 
 from curiobench.analysis.folders import AGENTS, agents_of
 from curiobench.analysis.frames import read_results
@@ -12,7 +13,6 @@ from curiobench.saved_agent import load_agent
 from curiobench.tasks.registration import task_spec
 from curiobench.video import film
 
-DOCS = Path(__file__).parent
 PICTURES = DOCS / "images" / "agents"
 HEAD = """# Trained agents
 

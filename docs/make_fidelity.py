@@ -1,13 +1,11 @@
 """Measures the numbers of docs/fidelity.md, writes the tables into it, and draws its pictures: `make fidelity`."""
 
 import sys
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
-from sections import markdown, write_section
+from sections import DOCS, markdown, write_section
 
-DOCS = Path(__file__).parent
 TESTS = DOCS.parent / "tests"
 sys.path[:0] = [str(TESTS / "tasks"), str(TESTS / "benchmarks")]
 

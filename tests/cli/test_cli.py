@@ -42,11 +42,13 @@ from curiobench.cli import main
 for command in {commands}:
     sys.argv = ["curiobench", *command.split()]
     try: main()
-    except SystemExit as ended: assert ended.code in (0, 1), command
+    except SystemExit as ended: assert ended.code == command.startswith("submit-check v2"), command
 print(*set({names}) & set(sys.modules), file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr.splitlines()[-1]) == (0, "")  # the line before may be a verdict
+    # v2 has too few seeds yet
+    verdict = "curiobench: the submission fails 1 of 18 properties\n" if "table v2" in commands else ""
+    assert (done.returncode, done.stderr) == (0, f"{verdict}\n")
 
 
 def test_help_of_a_command_shows_every_field_with_the_presets_defaults(cli):
