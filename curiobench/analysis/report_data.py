@@ -69,7 +69,8 @@ def _when(runs: pd.DataFrame) -> str:
     if machines:
         parts.append(f"on {_few(machines, 'machines')}")
     hours = runs["hours"].sum()
-    parts.append(f"in {f'{hours:,.1f} hours' if hours >= 1 else count(round(60 * hours), 'minute')} of work")
+    minutes = count(round(60 * hours), "minute") if hours >= 1 / 60 else "less than a minute"
+    parts.append(f"in {f'{hours:,.1f} hours' if hours >= 1 else minutes} of work")
     return _capital(" ".join(parts))
 
 

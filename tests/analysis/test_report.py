@@ -151,6 +151,15 @@ def test_summary_and_warnings_come_from_the_data(text):
     assert "0.01 % of the paper's 40 M" in warning
 
 
+@pytest.mark.parametrize(
+    ("hours", "words"), [(1 / 3600, "less than a minute"), (0.5, "30 minutes"), (1.5, "1.5 hours")]
+)
+def test_the_summary_says_how_long_the_runs_took(make_runs, no_figures, hours, words):
+    results = read_results(make_runs(methods=("sac",), seeds=1))
+    page = Page(report.render(replace(results, runs=results.runs.assign(hours=hours)), title="Runs"))
+    assert f" in {words} of work." in page.texts["p"][0]
+
+
 def test_text_of_users_is_escaped(make_runs, no_figures):
     results = read_results(make_runs(methods=("sac",), seeds=1))
     cell = dict.fromkeys(("run", "method", "variant"), EVIL)
