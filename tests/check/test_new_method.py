@@ -232,10 +232,6 @@ def test_a_package_brings_its_own_curriculum_and_its_own_relabelling(cli, tmp_pa
     ("fault", "message"),
     [
         (
-            "def replay_weights(self): return -np.ones(4)",
-            r"replay_weights\(\) returned -1.0 to -1.0; expected at least 0",
-        ),
-        (
             "def replay_weights(self): return np.ones(3)",
             r"replay_weights\(\) returned .* \(3,\); expected floats .* \(4,\)",
         ),

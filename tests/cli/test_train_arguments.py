@@ -73,9 +73,3 @@ def test_settings_of_a_method_come_from_the_command_line_and_survive_json():
     default = parse_train(["--out", "x", "--method", "re3+hm"]).config
     assert differences(default, parsed) == ["method_config.k is 3 there, 5 was requested"]
     assert default.fingerprint() != parsed.fingerprint()
-
-
-def test_sac_has_no_settings():
-    assert PRESETS["laptop"].method_config is None
-    with pytest.raises(ValueError, match=r"--method\.k"):
-        parse_train(["--out", "x", "--method.k", "5"])

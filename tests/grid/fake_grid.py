@@ -3,15 +3,18 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.cli.parsing import parse_arguments
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.grid.cells import Cell, cells_of, write_record
 from curiobench.grid.definition import define
-from curiobench.grid.launcher import LocalLauncher
+from curiobench.grid.disk import State
+from curiobench.grid.launcher import Launcher, LocalLauncher
 from curiobench.grid.overview import PlainGridView
 from curiobench.grid.run import train_cells
 from curiobench.grid.scheduler import Scheduler
@@ -22,6 +25,7 @@ from curiobench.run_folder import RUN_FORMAT
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
 SLURM = ("time=9", "partition=cpu")
 """Options of jobs."""
+T = TypeVar("T")
 
 
 def make_cells(out: Path, *flags: str) -> list[Cell]:
@@ -52,13 +56,47 @@ class Watching(PlainGridView):
         self.watch(statuses)
 
 
-def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: PlainGridView | None = None) -> Scheduler:
-    """Run cells to their end in this process."""
+def run_on(
+    launcher: Launcher,
+    cells: list[Cell],
+    view: PlainGridView | None = None,
+    stop: StopRequest | None = None,
+    retries: int = 1,
+    poll: float = 0.1,
+) -> Scheduler:
+    """Run cells to their end in this process; those of other grids are asked for every five polls."""
     cells[0].out.mkdir(parents=True, exist_ok=True)
-    launcher = LocalLauncher(jobs, FAKE)
-    scheduler = Scheduler(cells, launcher, retries, view or PlainGridView(), StopRequest(), 0.02, 0.1)
-    scheduler.run()
+    scheduler = Scheduler(cells, launcher, retries, view or PlainGridView(), stop or StopRequest(), poll, 5 * poll)
+    try:
+        scheduler.run()
+    finally:
+        launcher.close()
     return scheduler
+
+
+def schedule(cells: list[Cell], jobs: int = 2, retries: int = 1, view: PlainGridView | None = None) -> Scheduler:
+    """`run_on` this machine."""
+    return run_on(LocalLauncher(jobs, FAKE), cells, view, retries=retries, poll=0.02)
+
+
+def states(scheduler: Scheduler) -> dict[str, State]:
+    """States of the cells by folder."""
+    return {status.cell.folder: status.state for status in scheduler.statuses}
+
+
+def starts(cell: Cell) -> list[str]:
+    """A line for each time that a cell was started, which begins with its process."""
+    path = cell.path / "starts"
+    return path.read_text().splitlines() if path.exists() else []
+
+
+def wait_for(condition: Callable[[], T], seconds: float = 180) -> T:
+    """Wait until a condition holds; returns its value."""
+    deadline = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "it never came about"
+        time.sleep(0.02)
+    return value
 
 
 def start(out: Path, jobs: int | str, *flags: str) -> subprocess.Popen:

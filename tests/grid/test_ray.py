@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from fake_grid import FAKE, Watching, make_cells, rows, set_up_fakes, undisturbed
+from fake_grid import FAKE, Watching, make_cells, rows, run_on, set_up_fakes, starts, states, undisturbed
 
 from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
-from curiobench.grid.overview import PlainGridView
 from curiobench.grid.ray_launcher import RayLauncher
-from curiobench.grid.scheduler import Scheduler
 from curiobench.run_folder import is_locked
 
 pytestmark = pytest.mark.slow
@@ -22,16 +20,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module", autouse=True)
 def _installed():
     pytest.importorskip("ray")  # seconds to import
-
-
-def run_on(launcher, cells, view, stop=None):
-    cells[0].out.mkdir(parents=True, exist_ok=True)
-    scheduler = Scheduler(cells, launcher, 1, view, stop or StopRequest(), 0.1, 0.5)
-    try:
-        scheduler.run()
-    finally:
-        launcher.close()
-    return [status.state for status in scheduler.statuses]
 
 
 def paced(tmp_path, epochs, pace, **behaviour):
@@ -50,11 +38,11 @@ def test_a_cluster_that_the_grid_starts_stops_and_continues(tmp_path, capsys):
 
     launcher = RayLauncher(2, None, FAKE)
     with stop:
-        states = run_on(launcher, cells, Watching(stop_when_two_run), stop)
-    assert sorted(states) == [State.STOPPED] * 2 + [State.WAITING] * 2
+        stopped = run_on(launcher, cells, Watching(stop_when_two_run), stop)
+    assert sorted(states(stopped).values()) == [State.STOPPED] * 2 + [State.WAITING] * 2
     assert not any(is_locked(cell.path) for cell in cells)
     set_up_fakes(cells, stack2_icm_1={"failures": 1})
-    assert run_on(RayLauncher(2, None, FAKE), cells, PlainGridView()) == [State.FINISHED] * 4
+    assert set(states(run_on(RayLauncher(2, None, FAKE), cells)).values()) == {State.FINISHED}
     assert rows(cells[0].out) == undisturbed(cells)
     out = capsys.readouterr().out
     assert "stack2-icm-1: exit code 1; to be tried again\n    Traceback:" in out
@@ -62,22 +50,18 @@ def test_a_cluster_that_the_grid_starts_stops_and_continues(tmp_path, capsys):
 
 def test_a_killed_worker_ends_its_cell_which_is_resumed(tmp_path, capsys):
     cell = paced(tmp_path, epochs=30, pace=0.2)[0]
-
-    def pids():
-        return [int(line.split()[0]) for line in (cell.path / "starts").read_text().splitlines()]
-
     killed = []
 
     def kill_the_first_worker(statuses):
         if not killed and statuses[0].progress.epoch >= 5:
             killed.append(True)
-            fields = Path(f"/proc/{pids()[0]}/stat").read_text().rpartition(")")[2].split()
+            fields = Path(f"/proc/{starts(cell)[0].split()[0]}/stat").read_text().rpartition(")")[2].split()
             os.kill(int(fields[1]), signal.SIGKILL)
 
     view = Watching(kill_the_first_worker)
-    assert run_on(RayLauncher(1, None, FAKE), [cell], view) == [State.FINISHED]
+    assert states(run_on(RayLauncher(1, None, FAKE), [cell], view)) == {cell.folder: State.FINISHED}
     assert rows(cell.out) == undisturbed([cell])
-    assert len(pids()) == 2
+    assert len(starts(cell)) == 2
     assert "stopped after a checkpoint" in cell.log.read_text()
     assert "stack2-sac-0: its worker went away" in capsys.readouterr().out
 

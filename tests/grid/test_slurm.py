@@ -5,10 +5,9 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
-from fake_grid import FAKE, SLURM, make_cells, rows, set_up_fakes, start, undisturbed
+from fake_grid import FAKE, SLURM, make_cells, rows, run_on, set_up_fakes, start, starts, states, undisturbed, wait_for
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.cli.parsing import parse_arguments
@@ -16,7 +15,6 @@ from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
 from curiobench.grid.overview import PlainGridView
 from curiobench.grid.run import run_grid
-from curiobench.grid.scheduler import Scheduler
 from curiobench.grid.slurm_launcher import SlurmLauncher
 from curiobench.run_folder import is_locked
 
@@ -41,22 +39,7 @@ def paced(tmp_path, pace=0.1, **behaviour):
 
 
 def finish(cells, view=None, stop=None, cluster="Slurm"):
-    launcher = SlurmLauncher(None, SLURM, cells[0].out, FAKE, cluster)
-    scheduler = Scheduler(cells, launcher, 1, view or PlainGridView(), stop or StopRequest(), 0.1, 0.5)
-    scheduler.run()
-    return [status.state for status in scheduler.statuses]
-
-
-def starts(cells):
-    return [len((cell.path / "starts").read_text().splitlines()) for cell in cells]
-
-
-def wait_for(condition):
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise AssertionError("waited for a minute")
+    return [*states(run_on(SlurmLauncher(None, SLURM, cells[0].out, FAKE, cluster), cells, view, stop)).values()]
 
 
 @pytest.mark.slow
@@ -76,7 +59,7 @@ def test_after_a_kill_the_grid_waits_for_its_jobs_instead_of_submitting_others(c
     assert not cells[1].path.exists()  # it is queued
     assert finish(cells) == [State.FINISHED] * 2
     assert rows(cells[0].out) == undisturbed(cells)
-    assert starts(cells) == [1, 1]
+    assert [len(starts(cell)) for cell in cells] == [1, 1]
     scripts = [path.read_text() for path in cluster.glob("*.script")]
     assert len(scripts) == 2
     for flag in ("--time=9", "--partition=cpu", "--no-requeue"):
@@ -97,7 +80,7 @@ def test_a_stop_checkpoints_the_job_that_runs_and_empties_the_queue(cluster, tmp
     assert not cells[1].path.exists()
     assert finish(cells) == [State.FINISHED] * 2
     assert rows(cells[0].out) == undisturbed(cells)
-    assert starts(cells) == [2, 1]
+    assert [len(starts(cell)) for cell in cells] == [2, 1]
 
 
 @pytest.mark.slow
@@ -117,7 +100,7 @@ def test_a_job_whose_time_is_up_goes_on_in_another(cluster, tmp_path, capsys):
 
     assert finish(cells, TimeUp()) == [State.FINISHED]
     assert rows(cells[0].out) == undisturbed(cells)
-    assert starts(cells) == [2]
+    assert [len(starts(cell)) for cell in cells] == [2]
     assert "stack2-sac-0: its worker went away" in capsys.readouterr().out
 
 

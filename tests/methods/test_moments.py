@@ -35,12 +35,6 @@ def test_a_window_weighs_samples_by_the_updates_since():
     assert np.allclose(found.std, spread)
 
 
-def test_after_a_single_sample_values_are_finite():
-    found = RunningMoments((2,))
-    found.update(SECOND)
-    assert torch.isfinite(found.normalise(SECOND + 1.0)).all()
-
-
 def test_normalising_never_updates():
     found = filled()
     before = found.state_dict()
@@ -75,12 +69,8 @@ def test_any_split_into_batches_gives_numpys_moments(seed, sizes, offset):
         np.testing.assert_allclose(found.std, np.maximum(rows.std(0), 1e-12), rtol=1e-6, atol=1e-9)
 
 
-def test_state_round_trip_and_wrong_shapes():
-    found, other = filled(), RunningMoments((2,))
-    other.load_state_dict(found.state_dict())
-    other.update(FIRST)
-    found.update(FIRST)
-    assert same_state(found.state_dict(), other.state_dict())
+def test_wrong_shapes():
+    found = filled()
     with pytest.raises(ValueError, match="expected"):
         found.update(torch.zeros(4, 3))
     with pytest.raises(ValueError, match="saved mean"):

@@ -25,7 +25,6 @@ from curiobench.probe.episodes import SCRIPTED_EPISODES, play_scripts, reference
 from curiobench.probe.report import probe
 from curiobench.probe.scores import open_runs, others, own_transitions, read, score
 from curiobench.probe.steps import Track, falling, lifting, push_moments, stack_moments
-from curiobench.tasks.goals import goal_space
 from curiobench.training import train
 
 SPECS = ("rnd", "mi+hm", "dac", "dac+hm")
@@ -107,12 +106,6 @@ def test_scripts_show_every_key_moment_and_only_what_they_are_for(robot):
         assert falling(whole).any() != stacks
         if stacks:
             assert (episodes.episodes.achieved_goal[:, -1] == episodes.episodes.desired_goal).all(axis=1).any()
-
-
-def test_goals_of_the_scripts():
-    space = goal_space(3)
-    names = [space.names[space.index(space.parse(kind.goal))] for kind in SCRIPTED_EPISODES]
-    assert names == ["a on b, c apart", "all apart"]
 
 
 def test_both_kinds_begin_at_the_same_starts_and_the_reference_elsewhere(played, reference):

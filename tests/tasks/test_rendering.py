@@ -55,12 +55,10 @@ def test_pictures_can_be_collected():
         ({"render_mode": "ascii"}, "unknown render mode 'ascii'"),
     ],
 )
-@pytest.mark.parametrize("mode", [None, "vector_entry_point"])
 @pytest.mark.filterwarnings("ignore:.*render_mode.*")
-def test_bad_input(mode, kwargs, message):
-    make = gym.make if mode is None else gym.make_vec
+def test_bad_input(kwargs, message):
     with pytest.raises(ValueError, match=message):
-        make("curiobench/SemanticStack2-v0", **kwargs)
+        gym.make("curiobench/SemanticStack2-v0", **kwargs)
 
 
 _STEP_AND_DRAW = """

@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from curiobench.config import (
-    CONFIG_VERSION,
     PRESET_NAMES,
     MachineConfig,
     RunConfig,
@@ -62,12 +61,6 @@ def altered(path, value):
 def test_refuses_what_is_not_a_config(values, message):
     with pytest.raises(ValueError, match=message):
         RunConfig.from_json(values)
-
-
-@pytest.mark.parametrize("version", [CONFIG_VERSION - 1, CONFIG_VERSION + 1, None, "1"])
-def test_refuses_other_versions(version):
-    with pytest.raises(ValueError, match=f"version {version!r}"):
-        RunConfig.from_json(PRESETS["smoke"].to_json(), version)
 
 
 def test_integers_may_stand_for_floats_and_none_for_no_cap():

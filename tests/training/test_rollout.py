@@ -98,12 +98,3 @@ def test_biased_starts_begin_with_their_epoch_or_never(tmp_path, monkeypatch, st
     state.counters.epoch = TINY.biased_from_epoch
     state.collect()
     assert seen == expected
-
-
-def test_collected_episodes_reach_replay_counters_and_reached_goals(tmp_path):
-    state = TrainingState(TINY, tmp_path)
-    state.collect()
-    assert len(state.replay) == TINY.worlds
-    assert state.counters.steps == TINY.worlds * 50
-    assert state.counters.sums["episodes"] == TINY.worlds
-    np.testing.assert_array_equal(state.replay.ends.counts > 0, state.reached)

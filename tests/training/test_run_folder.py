@@ -83,6 +83,8 @@ def test_a_kill_before_there_is_a_config_leaves_room_for_another_start(tmp_path)
         ("{}", "was not written by `curiobench train`: format is None"),
         (json.dumps({"format": "curiobench run"}), "version None"),
         (json.dumps({"format": "curiobench run", "config_version": 0, "config": {}}), "version 0"),
+        (json.dumps({"format": "curiobench run", "config_version": CONFIG_VERSION + 1, "config": {}}), "version 2"),
+        (json.dumps({"format": "curiobench run", "config_version": "1", "config": {}}), "version '1'"),
         (json.dumps({"format": "curiobench run", "config_version": CONFIG_VERSION, "config": {"x": 1}}), "field x"),
     ],
 )

@@ -59,17 +59,6 @@ def test_state_of_another_kind_of_agent_is_refused():
     state = sac_of().state_dict()
     with pytest.raises(ValueError, match="same curiosity method"):
         sac_of(method=counting()).load_state_dict(state)
-    with pytest.raises(RuntimeError, match="size mismatch"):
-        sac_of(hidden=8).load_state_dict(state)
-
-
-def test_deterministic_action_is_the_mode_and_draws_nothing():
-    agent, raw = sac_of(), raw_of(random_batch(SMALL, 6, np.random.default_rng(0)))
-    before = agent.learner.generator.get_state()
-    action = agent.act(*raw, deterministic=True)
-    assert torch.equal(agent.learner.generator.get_state(), before)
-    assert (action.shape, action.dtype) == ((6, 2), np.float32)
-    assert not np.array_equal(agent.act(*raw), agent.act(*raw))
 
 
 def test_tuned_temperature_falls_while_entropy_is_above_target():
