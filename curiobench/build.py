@@ -6,7 +6,6 @@ from typing import TypeVar
 import numpy as np
 import torch
 
-from curiobench import tasks
 from curiobench.config import RunConfig
 from curiobench.curriculum import CURRICULA
 from curiobench.methods.agents.agent import LearningAgent
@@ -56,7 +55,6 @@ def build_replay(config: RunConfig, folder: Path | None = None) -> EpisodeReplay
     return EpisodeReplay(
         config.replay,
         valid_goals=spec.goal_space.goals,
-        compute_reward=tasks.BatchedStacking.compute_reward,
         steps=spec.horizon,
         observation_size=pair_layout(spec.goal_space).observation_size,
         action_size=ACTION_SIZE,

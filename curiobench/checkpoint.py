@@ -32,10 +32,6 @@ _FAULTS = (
 """What damaged JSON, tensors and arrays raise when they are read or taken over."""
 
 
-class CheckpointError(ValueError):
-    """A checkpoint cannot be used; one line that names the file and says why."""
-
-
 class _OtherFormat(ValueError):
     """A checkpoint of another version of this package; those before it are, too."""
 
@@ -69,7 +65,7 @@ def save(folder: Path, fingerprint: str, agent: dict[str, Any], values: dict[str
 def load(folder: Path, fingerprint: str) -> tuple[dict[str, Any], dict[str, Any]] | None:
     """The newest checkpoint's agent and values, or None where there is none.
 
-    Raises CheckpointError where it is truncated, altered, of another run, or no checkpoint at all. The message names
+    Raises ValueError where it is truncated, altered, of another run, or no checkpoint at all. The message names
     the checkpoint before it, if there is one: without the damaged one, a run resumes from there.
     """
     number = max(_numbers(folder), default=None)
@@ -97,7 +93,7 @@ def _load_agent(path: Path, digest: str) -> dict[str, Any]:
 
 @contextmanager
 def errors_named(folder: Path) -> Iterator[None]:
-    """Turn whatever a damaged or foreign checkpoint provokes into one CheckpointError that names it."""
+    """Turn whatever a damaged or foreign checkpoint provokes into one ValueError that names it."""
     try:
         yield
     except _FAULTS as error:
@@ -107,7 +103,7 @@ def errors_named(folder: Path) -> Iterator[None]:
         # where it is the method that raises, the file is as it was written
         go_back = before and not isinstance(error, MethodError | _OtherFormat)
         advice = f"; delete it to go back to checkpoint {before[-1]}" if go_back else ""
-        raise CheckpointError(f"cannot use {_manifest_path(folder, newest)}: {first_line}{advice}") from error
+        raise ValueError(f"cannot use {_manifest_path(folder, newest)}: {first_line}{advice}") from error
 
 
 def _numbers(folder: Path) -> list[int]:

@@ -16,14 +16,7 @@ import tyro
 from curiobench.curriculum import CurriculumName
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.checks import check_option
-from curiobench.options import (
-    ADDED_LATER,
-    added_later,
-    build_dataclass,
-    changes,
-    flatten,
-    with_track,
-)
+from curiobench.options import ADDED_LATER, build_dataclass, flatten, with_track
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
 
@@ -215,13 +208,15 @@ class RunConfig:
     def fingerprint(self) -> str:
         """Hexadecimal digest of everything that decides the numbers of an epoch: all but how many epochs there are.
 
-        Fields that were added later are left out where they have their default: a checkpoint outlives a new field.
+        Fields that were added later, or whose group was, are left out where they have their default: a checkpoint
+        outlives a new field.
         """
         defaults = flatten(_defaults())
         deciding = {
             name: value
             for name, value in flatten(self.decisive()).items()
-            if name != "epochs" and not (added_later(name) and value == defaults.get(name))
+            if name != "epochs"
+            and (value != defaults.get(name) or {name, name.partition(".")[0]}.isdisjoint(ADDED_LATER))
         }
         return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
@@ -249,12 +244,13 @@ def differences(old: RunConfig, new: RunConfig) -> list[str]:
 
     Settings of two different methods have nothing in common and are not compared.
     """
-    found = [f"method is {old.method!r} there, {new.method!r} was requested"] if old.method != new.method else []
-    if type(old.method_config) is not type(new.method_config):
-        old, new = (replace(config, method="sac", method_config=None) for config in (old, new))
-    else:
-        new = replace(new, method=old.method)
-    return found + changes(old.decisive(), new.decisive())
+    before, after = (flatten(config.decisive()) for config in (old, new))
+    alike = type(old.method_config) is type(new.method_config)
+    return [
+        f"{name} is {value!r} there, {after[name]!r} was requested"
+        for name, value in before.items()
+        if (alike or not name.startswith("method_config")) and value != after[name]
+    ]
 
 
 def obstacles(begun: RunConfig, wanted: RunConfig) -> list[str]:

@@ -24,17 +24,6 @@ def flatten(options: Mapping[str, Any], path: str = "") -> dict[str, Any]:
     return flat
 
 
-def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """Options that differ, as "sac.gamma is 0.95 there, 0.5 was requested"; both have the same names."""
-    pairs = zip(flatten(old).items(), flatten(new).values(), strict=True)
-    return [f"{name} is {value!r} there, {other!r} was requested" for (name, value), other in pairs if value != other]
-
-
-def added_later(name: str) -> bool:
-    """Whether a field, by dotted name, or its group was added later."""
-    return name in ADDED_LATER or name.partition(".")[0] in ADDED_LATER
-
-
 def with_track(values: Any) -> Any:
     """Plain options of a run, with `machine.track` where an older one says whether it logged for TensorBoard."""
     machine = values.get("machine") if isinstance(values, dict) else None

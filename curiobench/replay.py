@@ -3,22 +3,19 @@
 Rewards are not stored: for every batch, goals are drawn (`relabelling.py`) and rewards recomputed.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from curiobench.files import read_json
+from curiobench import tasks
+from curiobench.files import read_json, replace_file, write_json
 from curiobench.methods.checks import check_option, check_positive, check_share
 from curiobench.methods.relabelling import Relabelling
 from curiobench.queues import Queues
 from curiobench.relabelling import N_ARRIVAL_KINDS, RELABELLINGS, RelabellingName, arrival_kinds, scaled, weighted
-from curiobench.replay_files import read_segment, save_episodes
+from curiobench.replay_files import prune, read_segment
 from curiobench.tasks.goals import GoalTable
-
-ComputeReward = Callable[[np.ndarray, np.ndarray, object], np.ndarray]
-"""(achieved goals (B, bits), desired goals (B, bits), info) -> rewards (B,)."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +79,6 @@ class EpisodeReplay:
         self,
         config: ReplayConfig,
         valid_goals: np.ndarray,
-        compute_reward: ComputeReward,
         steps: int,
         observation_size: int,
         action_size: int,
@@ -94,7 +90,6 @@ class EpisodeReplay:
         Args:
             config: settings.
             valid_goals: (G, bits) goals that may be drawn, 0 or 1.
-            compute_reward: computes rewards from achieved and desired goals.
             steps: T, the length of every episode.
             observation_size: D.
             action_size: A.
@@ -103,7 +98,7 @@ class EpisodeReplay:
                 the files of `save`.
             relabelling: of a method that has its own; None for that of the config.
         """
-        self.config, self.compute_reward, self.steps = config, compute_reward, steps
+        self.config, self.steps = config, steps
         self._relabelling, self.goal_weights = relabelling, None
         self.valid_goals = valid_goals = np.ascontiguousarray(valid_goals, np.uint8)
         self._table, self._on_bits = GoalTable(valid_goals), on_bits
@@ -189,7 +184,7 @@ class EpisodeReplay:
             "achieved_goal": achieved[row],
             "next_achieved_goal": next_achieved,
             "desired_goal": desired,
-            "reward": np.asarray(self.compute_reward(next_achieved, desired, None), np.float32),
+            "reward": tasks.BatchedStacking.compute_reward(next_achieved, desired),
             "step": step,
             "episode": self.added - 1 - (self.added - 1 - slot) % self.config.capacity,
             "particles": self._draw_states(n_particles, generator) if n_particles else None,
@@ -222,18 +217,26 @@ class EpisodeReplay:
         return self.arrays["observation"][slot, step]
 
     def save(self, folder: Path) -> str:
-        """Write the episodes added since the last save, then a manifest of the state; see `save_episodes`.
+        """Write the episodes added since the last save, then a manifest of the state; nothing if there are none.
 
         Returns:
             The manifest's name, to be kept with the agent's checkpoint and given to `load`.
         """
-        capacity = self.config.capacity
-
-        def episodes(first: int, end: int) -> dict[str, np.ndarray]:
-            return {name: array[np.arange(first, end) % capacity] for name, array in self.arrays.items()}
-
+        folder.mkdir(parents=True, exist_ok=True)
+        previous, name = f"replay-{self._saved}.json", f"replay-{self.added}.json"
+        if previous == name and (folder / name).exists():
+            return name  # so that the save before this one stays
         oldest = self.added - len(self)
-        name = save_episodes(folder, self._saved, oldest, self.added, episodes, self._shapes())
+        segments = read_json(folder / previous)["segments"] if self._saved else []
+        segments = [segment for segment in segments if segment[1] > oldest]
+        first = max(self._saved, oldest)
+        if first < self.added:
+            slots = np.arange(first, self.added) % self.config.capacity
+            new = {array_name: array[slots] for array_name, array in self.arrays.items()}
+            replace_file(folder / f"episodes-{first}-{self.added}.npz", lambda file: np.savez(file, **new))
+            segments.append([first, self.added])
+        write_json(folder / name, {"added": self.added, "segments": segments, "shapes": self._shapes()})
+        prune(folder, {name, previous})
         self._saved = self.added
         return name
 

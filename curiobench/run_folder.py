@@ -83,7 +83,9 @@ class RunFolder(AbstractContextManager):
                 "choose a new or empty folder"
             )
         else:
-            self._write_config(command)
+            record = {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
+            record |= {"versions": versions(self.config.method), "command": list(command), "created": now()}
+            self._write_record(record)
             self._begun = True
 
     def _continue(self, resume: bool, command: Sequence[str]) -> None:
@@ -130,11 +132,6 @@ class RunFolder(AbstractContextManager):
             (self.path / "result.json").unlink(missing_ok=True)
             self._write_record(self._longer)
 
-    def _write_config(self, command: Sequence[str]) -> None:
-        record = {"format": RUN_FORMAT, "config_version": CONFIG_VERSION, "config": self.config.to_json()}
-        record |= {"versions": versions(self.config.method), "command": list(command), "created": now()}
-        self._write_record(record)
-
     def _write_record(self, record: dict[str, Any]) -> None:
         with writing_to(self.path):
             write_json(self.path / "config.json", record)
@@ -177,10 +174,6 @@ class RunFolder(AbstractContextManager):
                 raise ValueError(f"{path} has {found} bytes, fewer than the {sizes[name]} it had at the checkpoint")
             if found > sizes[name]:
                 os.truncate(path, sizes[name])
-
-    def write_result(self, result: dict[str, Any]) -> None:
-        """Write result.json, which marks the run as finished."""
-        write_json(self.path / "result.json", result)
 
     def close(self) -> None:
         """Release the lock."""

@@ -12,7 +12,7 @@ from curiobench.config import RunConfig
 from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
-from curiobench.files import utf8
+from curiobench.files import utf8, write_json
 from curiobench.methods.guard import MethodError
 from curiobench.methods.plugins import error_line
 from curiobench.methods.process import tune_process
@@ -144,7 +144,7 @@ class TrainingRun:
     def _finish(self) -> None:
         """Write result.json, print the table, draw the learning curve, and delete the replay unless it is kept."""
         rows = read_rows(self.folder.path / "evaluations.csv")
-        self.folder.write_result(result(self.state, rows))
+        write_json(self.folder.path / "result.json", result(self.state, rows))  # which marks the run as finished
         self.display.note(format_layers(learned_by_layer(last_evaluation(rows))))
         try:
             curve = draw_learning_curve(rows, self.folder.path / "learning_curve.png")

@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -52,14 +53,12 @@ def film(
     out = out or run / f"{re.sub(r'[^a-z]+', '_', name)}.mp4"
     if out.suffix not in SUFFIXES:
         raise ValueError(f"cannot write {out}: a video is {' or '.join(SUFFIXES)}")
-    renderer, frames, reached = WorldRenderer(worlds.model), [], 0
-    try:
+    frames, reached = [], 0
+    with closing(WorldRenderer(worlds.model)) as renderer:
         for _ in range(episodes):
             observation, act = worlds.reset(goals=bits), policy(agent, deterministic=True)
             played = play(worlds, observation, act, lambda: frames.append(renderer.render(worlds.qpos[0]).copy()))
             reached += int(played.reward[0] > 0)
-    finally:
-        renderer.close()
     _write(out, np.stack(frames))
     return out, reached
 

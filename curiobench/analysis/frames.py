@@ -66,11 +66,6 @@ def print_faults(results: Results, product: str) -> None:
         raise ValueError(f"not in the {product}: " + "; ".join(results.absent))
 
 
-def place_of(method: str) -> tuple[int, str]:
-    """Sort key of methods in tables and figures."""
-    return (METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER), method)
-
-
 def read_results(
     paths: Sequence[Path],
     partial: bool = False,
@@ -186,7 +181,9 @@ def _left_out(error: Exception) -> str:
 def _results(runs: Sequence[RunData], faults: tuple[str, ...], absent: tuple[str, ...]) -> Results:
     def place(named: tuple[str, RunData]) -> tuple[Any, ...]:
         variant, run = named
-        return run.config["task"], place_of(run.values["method"]), variant, run.config["seed"], str(run.path)
+        method = run.values["method"]
+        known = METHOD_ORDER.index(method) if method in METHOD_ORDER else len(METHOD_ORDER)
+        return run.config["task"], known, method, variant, run.config["seed"], str(run.path)
 
     order = sorted(zip(variants([run.decisive() for run in runs]), runs, strict=True), key=place)
     runs = [run for _, run in order]

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from curiobench import tasks
 from curiobench.build import goals_of
 from curiobench.check import Finding
 from curiobench.check.properties import expect, expect_untouched, finding, no_global_randomness
@@ -94,9 +93,7 @@ def _replay(method: type[Relabelling], n_blocks: int, filled: int = EPISODES) ->
     goals = goals_of(space)
     own = method(goals, method.Config())
     sizes = {"steps": STEPS, "observation_size": 5, "action_size": 2, "on_bits": space.on_bits}
-    replay = EpisodeReplay(
-        ReplayConfig(capacity=EPISODES), space.goals, tasks.BatchedStacking.compute_reward, **sizes, relabelling=own
-    )
+    replay = EpisodeReplay(ReplayConfig(capacity=EPISODES), space.goals, **sizes, relabelling=own)
     moves = rng.random((filled, STEPS + 1)) < 0.3
     path = np.where(moves, rng.integers(len(space), size=moves.shape), 0)
     replay.add(

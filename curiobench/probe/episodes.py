@@ -88,7 +88,8 @@ def reference_transitions(task: str, robot: str, seed: int) -> Batch:
     parts = []
     for source, biased in zip(sources, (False, True), strict=True):
         worlds = BatchedStacking(task, REFERENCE_WORLDS, robot, seed=source)
-        parts.append(transitions(_play_random(worlds, rng, biased)))
+        first = worlds.reset(biased=biased)
+        parts.append(transitions(_play(worlds, first, lambda _: rng.uniform(-1, 1, (REFERENCE_WORLDS, ACTION_SIZE)))))
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order = rng.permutation(len(arrays["reward"]))
     return Batch.from_numpy({name: array[order] for name, array in arrays.items()})
@@ -122,11 +123,6 @@ def _play_script(kind: ScriptedEpisode, worlds: BatchedStacking) -> Played:
     first = worlds.reset(goals=worlds.goal_space.parse(kind.goal))
     episodes = _play(worlds, first, lambda now: script.act(now.observation), lambda: qpos.append(worlds.qpos.copy()))
     return Played(kind, episodes, np.stack(qpos, axis=1), worlds.model)
-
-
-def _play_random(worlds: BatchedStacking, rng: np.random.Generator, biased: bool) -> Episodes:
-    shape = (worlds.n_worlds, ACTION_SIZE)
-    return _play(worlds, worlds.reset(biased=biased), lambda _: rng.uniform(-1, 1, shape))
 
 
 def _play(

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -166,8 +167,5 @@ def _pictures(figure: "Figure", axes: "Axes", strip: "Axes", played: Played, mom
 
 
 def _render(played: Played, moments: Mapping[str, int]) -> list[np.ndarray]:
-    renderer = WorldRenderer(played.model)
-    try:
+    with closing(WorldRenderer(played.model)) as renderer:
         return [renderer.render(played.qpos[played.pictured, state]).copy() for state in moments.values()]
-    finally:
-        renderer.close()

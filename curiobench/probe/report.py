@@ -1,9 +1,10 @@
 """`curiobench probe`: play episodes, compute rewards, write numbers and scores, draw."""
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from curiobench.analysis.canvas import matplotlib_settings
 from curiobench.analysis.colours import line_styles
@@ -44,11 +45,10 @@ def probe(arguments: ProbeArguments) -> tuple[str, list[str], list[Path]]:
     score_rows = [_columns(run) | {"among": among} | vars(of) for run, of in zip(runs, scores, strict=True)]
     with writing_to(out):
         out.mkdir(parents=True, exist_ok=True)
-        files = [
-            _write(out / "scores.csv", score_rows),
-            _write(out / "numbers.csv", list(_number_rows(runs, readings, played))),
-            *draw(runs, readings, played, seed, out, among),
-        ]
+        tables = {out / "scores.csv": score_rows, out / "numbers.csv": _number_rows(runs, readings, played)}
+        for path, rows in tables.items():
+            pd.DataFrame(rows).to_csv(path, index=False, lineterminator="\n", errors="backslashreplace")
+        files = [*tables, *draw(runs, readings, played, seed, out, among)]
     return format_scores(runs, scores), notes, files
 
 
@@ -125,11 +125,3 @@ def _step_rows(played: Played) -> Iterator[dict[str, Any]]:
                 "falling": int(falls[start, step - 1]),
                 "moment": moments.get(step, ""),
             }
-
-
-def _write(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
-    with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    return path

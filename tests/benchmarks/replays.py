@@ -21,12 +21,9 @@ def filled_replay(
     rng = np.random.default_rng(0)
     goals = np.unique(rng.integers(0, 2, (60, layout.goal_size), dtype=np.uint8), axis=0)[:35]
 
-    def reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> np.ndarray:
-        return (achieved == desired).all(-1)
-
     config = replace(config, capacity=episodes)
     on_bits = np.arange(layout.goal_size) >= len(layout.pairs)
-    replay = EpisodeReplay(config, goals, reward, STEPS, layout.observation_size, layout.action_size, on_bits)
+    replay = EpisodeReplay(config, goals, STEPS, layout.observation_size, layout.action_size, on_bits)
     ends = goals[rng.integers(0, len(goals), (2, episodes))]
     changed = np.arange(STEPS + 1)[None, :, None] >= rng.integers(1, STEPS, (episodes, 1, 1))
     observation = rng.normal(size=(episodes, STEPS + 1, layout.observation_size))

@@ -30,9 +30,7 @@ def our_updates(task: str, batch: int, hidden: int):
     worlds = BatchedStacking(task, EPISODES, seed=0)
     space = worlds.goal_space
     agent = SAC(pair_layout(space), SACConfig(hidden=hidden), torch.Generator().manual_seed(0))
-    replay = EpisodeReplay(
-        ReplayConfig(), space.goals, worlds.compute_reward, 50, worlds.observation_size, 4, space.on_bits
-    )
+    replay = EpisodeReplay(ReplayConfig(), space.goals, 50, worlds.observation_size, 4, space.on_bits)
     rng = np.random.default_rng(0)
     worlds.reset(biased=True)
     episodes, _ = collect(worlds, agent, space.goals[rng.integers(len(space), size=EPISODES)])

@@ -11,13 +11,9 @@ GOALS = np.array([[0, 0], [1, 0], [1, 1]], np.uint8)
 ON_BITS = np.array([False, True])
 
 
-def compute_reward(achieved: np.ndarray, desired: np.ndarray, info: object) -> np.ndarray:
-    return (achieved == desired).all(-1).astype(np.float32)
-
-
 def replay_of(capacity: int = 8, folder: Path | None = None, **config) -> EpisodeReplay:
     config = ReplayConfig(**{"capacity": capacity, **config})
-    return EpisodeReplay(config, GOALS, compute_reward, STEPS, SIZE, ACTIONS, ON_BITS, folder)
+    return EpisodeReplay(config, GOALS, STEPS, SIZE, ACTIONS, ON_BITS, folder)
 
 
 def episodes_of(numbers: list[int], finals: list[tuple[int, int]]) -> Episodes:

@@ -56,7 +56,7 @@ def test_a_finished_run_continues_as_if_it_had_been_longer_from_the_start(cli, l
 def test_an_unfinished_run_can_be_extended_without_a_kept_replay(long, tmp_path, monkeypatch):
     config = replace(SHORT, machine=MachineConfig())
     with monkeypatch.context() as patch:
-        patch.setattr(RunFolder, "write_result", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr("curiobench.training.write_json", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             train(config, tmp_path / "run")
     train(replace(config, epochs=6), tmp_path / "run", resume=True)
