@@ -42,13 +42,11 @@ from curiobench.cli import main
 for command in {commands}:
     sys.argv = ["curiobench", *command.split()]
     try: main()
-    except SystemExit as ended: assert ended.code == command.startswith("submit-check v2"), command
+    except SystemExit as ended: assert ended.code == 0, command
 print(*set({names}) & set(sys.modules), file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    # v2 has too few seeds yet
-    verdict = "curiobench: the submission fails 1 of 18 properties\n" if "table v2" in commands else ""
-    assert (done.returncode, done.stderr) == (0, f"{verdict}\n")
+    assert (done.returncode, done.stderr) == (0, "\n")
 
 
 def test_help_of_a_command_shows_every_field_with_the_presets_defaults(cli):
