@@ -106,7 +106,7 @@ def learned_table(results: Results, task: str) -> str:
     rows = []
     for (method, variant), of_method in layers.groupby(["method", "variant"], observed=True):
         by_layer = of_method.groupby("layer")[["learned", "success"]].mean()
-        learned = [f"{by_layer['learned'][layer]:g} of {goals[layer]}" for layer in (*goals.index.drop(0), 0)]
+        learned = [f"{by_layer['learned'][layer]:.1f} of {goals[layer]}" for layer in (*goals.index.drop(0), 0)]
         seeds = of_method["seed"].nunique()
         name = f"{method}, {variant}" if variant else str(method)
         rows.append([name, str(seeds), *learned, f"{by_layer['success'][0]:.2f}"])
