@@ -6,7 +6,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from curiobench.check import template
-from curiobench.files import writing_to
 from curiobench.methods.guard import TAKEN
 
 
@@ -26,16 +25,20 @@ def write_method(name: str, folder: Path) -> tuple[Path, str]:
     _check_name(name, class_name)
     path = folder / f"{name}.py"
     text = inspect.getsource(template).replace("NewMethod", class_name).replace("new_method", name)
-    if path.exists():
-        raise ValueError(f"{path} already exists and was not changed; choose another name")
-    if (found := find_spec(name)) and found.origin:  # not a mere folder of that name
-        raise ValueError(
-            f"{name}:{class_name} would import another module that is called {name!r}; choose another name"
-        )
-    with writing_to(path):
+    try:
+        if not path.exists() and (found := find_spec(name)) and found.origin:  # not a mere folder of that name
+            raise ValueError(
+                f"{name}:{class_name} would import another module that is called {name!r}; choose another name"
+            )
         folder.mkdir(parents=True, exist_ok=True)
         with open(path, "x", encoding="utf-8") as file:
             file.write(text)
+    except FileExistsError:
+        if not folder.is_dir():
+            raise ValueError(f"cannot write {path}: {folder} is not a folder") from None
+        raise ValueError(f"{path} already exists and was not changed; choose another name") from None
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror}") from None
     return path, f"{name}:{class_name}"
 
 

@@ -3,11 +3,12 @@
 import csv
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import groupby
 from pathlib import Path
 
 from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, is_locked, read_config, read_rows
+from curiobench.run_folder import REPLAY, is_locked, read_config
 
 
 class State(StrEnum):
@@ -71,8 +72,16 @@ def read_progress(path: Path, known: Progress) -> Progress:
         if not rows:
             return Progress()
         learned = [int(row["goals_learned"]) for row in rows if row["goals_learned"]] or [None]
-        goals = known.goals or sum(row["epoch"] == "0" for row in read_rows(path / "evaluations.csv")) or None
+        goals = known.goals or _count_goals(path / "evaluations.csv")
         epoch, seconds = int(rows[-1]["epoch"]), float(rows[-1]["seconds"])
         return Progress(epoch, seconds, learned[-1], goals, file.st_mtime, file.st_size)
     except (OSError, ValueError, KeyError, csv.Error):
         return known
+
+
+def _count_goals(path: Path) -> int | None:
+    """Goals in the first evaluation of a run."""
+    with open(path, encoding="utf-8", newline="") as file:
+        epochs = (row["epoch"] for row in csv.DictReader(file))
+        _, of_first = next(groupby(epochs), (None, ()))
+        return sum(1 for _ in of_first) or None

@@ -72,7 +72,10 @@ def tail(path: Path, start: int, lines: int = 6) -> list[str]:
         lines: how many at most.
     """
     try:
-        text = path.read_bytes()[start:][-20_000:].decode(errors="replace")
+        with open(path, "rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(start, size - 20_000))
+            text = file.read().decode(errors="replace")
     except OSError:
         return []
     found = [line.rstrip() for line in text.splitlines() if line.strip() and not line.startswith("--- ")]
