@@ -79,7 +79,7 @@ _BY_TASK = MappingProxyType(
 
 PRESET_LINES = MappingProxyType(
     {
-        "paper": "the paper's full scale: 500 epochs, 40 M steps; weeks on one core",
+        "paper": "the paper's full scale: 500 epochs, 40 M steps; 9 to 15 days on one core",
         "laptop": "what plain SAC needs on one core: minutes for stack2, half an hour for stack3",
         "smoke": "a minute: shows that everything works, learns next to nothing",
     }
