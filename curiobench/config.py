@@ -15,7 +15,7 @@ import tyro
 
 from curiobench.curriculum import CurriculumName
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
-from curiobench.methods.checks import check_option
+from curiobench.methods.checks import check_at_least, check_option
 from curiobench.options import ADDED_LATER, build_dataclass, flatten, with_track
 from curiobench.replay import ReplayConfig
 from curiobench.tasks.registration import check_name, check_robot
@@ -39,12 +39,6 @@ StartsName = Literal["biased", "plain"]
 """Where training episodes start."""
 
 
-def _check_at_least(config: Any, least: int, *names: str) -> None:
-    for name in names:
-        if getattr(config, name) < least:
-            raise ValueError(f"{name} is {getattr(config, name)}; it must be at least {least}")
-
-
 @dataclass(frozen=True)
 class MachineConfig:
     """Options of this machine. They change no number, so a resumed run may have others."""
@@ -63,7 +57,7 @@ class MachineConfig:
     its name)."""
 
     def __post_init__(self) -> None:
-        _check_at_least(self, 1, "threads", "checkpoint_every")
+        check_at_least(self, 1, "threads", "checkpoint_every")
         for name in self.trackers:
             check_name("tracker", name, TRACKER_NAMES)
 
@@ -141,9 +135,9 @@ class RunConfig:
         check_option(self, "starts", StartsName)
         check_option(self, "curriculum", CurriculumName)
         self._check_method()
-        _check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
-        _check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads", "schedule_epochs")
-        _check_at_least(self, 0, "seed", "biased_from_epoch")
+        check_at_least(self, 1, "epochs", "cycles", "worlds", "rollouts", "updates", "batch_size")
+        check_at_least(self, 1, "evaluate_every", "episodes_per_goal", "torch_threads", "schedule_epochs")
+        check_at_least(self, 0, "seed", "biased_from_epoch")
         for name, value in (("seed", self.seed), ("epochs", self.epochs)):
             if value > LARGEST_SEED:
                 raise ValueError(f"{name} is {value}; it must be at most {LARGEST_SEED}")
@@ -251,8 +245,3 @@ def differences(old: RunConfig, new: RunConfig) -> list[str]:
         for name, value in before.items()
         if (alike or not name.startswith("method_config")) and value != after[name]
     ]
-
-
-def obstacles(begun: RunConfig, wanted: RunConfig) -> list[str]:
-    """`differences` that keep a run from going on under another config, which may have more epochs."""
-    return differences(replace(begun, epochs=max(begun.epochs, wanted.epochs)), wanted)

@@ -26,7 +26,7 @@ class Interrupted(Exception):
         self.signal_number = signal_number
 
 
-OF_TRAIN = ("torch", "numba", "scipy", "pandas", "matplotlib", "seaborn", "rich", "safetensors", "yaml", "jinja2")
+OF_TRAIN = ("torch", "numba", "scipy", "pandas", "matplotlib", "rich", "safetensors", "yaml", "jinja2")
 """Modules that the extra `train` installs. The environments need none of them."""
 
 

@@ -14,6 +14,11 @@ _NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 """What fsync answers on file systems without it, such as some network ones."""
 
 
+def size_of(path: Path) -> int:
+    """Bytes in a file, 0 where there is none."""
+    return path.stat().st_size if path.exists() else 0
+
+
 def replace_file(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Write a temporary file, then rename it: a kill or power cut at any moment leaves the old file or the new one.
 

@@ -1,19 +1,16 @@
 """The loop over the steps of an episode, in all worlds at once; for training, evaluation, videos and probes."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.guard import NonFiniteError
 from curiobench.replay import Episodes
+from curiobench.tasks.batch import BatchedStacking, Observation
 
-if TYPE_CHECKING:
-    from curiobench.tasks import BatchedStacking
-    from curiobench.tasks.batch import Observation
-
-Act = Callable[["Observation"], np.ndarray]
+Act = Callable[[Observation], np.ndarray]
 """Chooses actions `(N, A)` in [-1, 1] for N observations."""
 
 
@@ -29,7 +26,7 @@ class Rollout(NamedTuple):
 
 
 def play(
-    worlds: "BatchedStacking", observation: "Observation", act: Act, watch: Callable[[], object] = lambda: None
+    worlds: BatchedStacking, observation: Observation, act: Act, watch: Callable[[], object] = lambda: None
 ) -> Rollout:
     """Play an episode in every world.
 
@@ -62,7 +59,7 @@ def policy(agent: LearningAgent, deterministic: bool = False) -> Act:
 
 
 def collect(
-    worlds: "BatchedStacking", agent: LearningAgent, goals: np.ndarray, tested: np.ndarray | None = None
+    worlds: BatchedStacking, agent: LearningAgent, goals: np.ndarray, tested: np.ndarray | None = None
 ) -> tuple[Episodes, np.ndarray]:
     """Collect an episode in every world with the agent's stochastic policy.
 
@@ -79,7 +76,7 @@ def collect(
     """
     explore, test = policy(agent), policy(agent, deterministic=True)
 
-    def act(now: "Observation") -> np.ndarray:
+    def act(now: Observation) -> np.ndarray:
         action = explore(now)
         if tested is not None and tested.any():
             action[tested] = test(type(now)(*(part[tested] for part in vars(now).values())))

@@ -8,12 +8,13 @@ import shutil
 import time
 from collections.abc import Container, Sequence
 from contextlib import AbstractContextManager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from curiobench.config import CONFIG_VERSION, RunConfig, obstacles
+from curiobench.config import CONFIG_VERSION, RunConfig, differences
 from curiobench.errors import pasted
-from curiobench.files import now, read_json, sync, write_json, writing_to
+from curiobench.files import now, read_json, size_of, sync, write_json, writing_to
 from curiobench.versions import versions
 
 RUN_FORMAT = "curiobench run"
@@ -103,8 +104,8 @@ class RunFolder(AbstractContextManager):
                 f"the run in {self.path} is finished (`curiobench table {pasted(self.path)}` shows its result); choose "
                 f"another --out{lengthen}"
             )
-        if found := obstacles(begun, self.config):
-            raise ValueError(f"the run in {self.path} has other options: {'; '.join(found)}")
+        if why := conflict(self.path, begun, self.config):
+            raise ValueError(why)
         if longer:
             self._longer = self._longer_record(begun, finished, command)
 
@@ -145,7 +146,7 @@ class RunFolder(AbstractContextManager):
         names = list(rows[0])
         text = io.StringIO(newline="")
         writer = csv.DictWriter(text, names, lineterminator="\n")
-        if path.exists() and path.stat().st_size:
+        if size_of(path):
             with open(path, encoding="utf-8", newline="") as file:
                 header = next(csv.reader(file))
             if header != names:
@@ -160,8 +161,7 @@ class RunFolder(AbstractContextManager):
 
     def csv_sizes(self) -> dict[str, int]:
         """Bytes in each csv file, for the checkpoint."""
-        paths = {name: self.path / name for name in CSV_FILES}
-        return {name: path.stat().st_size if path.exists() else 0 for name, path in paths.items()}
+        return {name: size_of(self.path / name) for name in CSV_FILES}
 
     def truncate(self, sizes: dict[str, int]) -> None:
         """Cut off rows written after a checkpoint; the run writes them again.
@@ -226,6 +226,12 @@ def read_record(path: Path) -> dict[str, Any]:
         found = f"format is {record.get('format')!r:.80}, expected {RUN_FORMAT!r}"
         raise ValueError(f"{path / 'config.json'} was not written by `curiobench train`: {found}")
     return record
+
+
+def conflict(path: Path, begun: RunConfig, wanted: RunConfig) -> str:
+    """Why the run in a folder cannot go on under a config, which may have more epochs; "" if it can."""
+    found = differences(replace(begun, epochs=max(begun.epochs, wanted.epochs)), wanted)
+    return f"the run in {path} has other options: {'; '.join(found)}" if found else ""
 
 
 def read_config(path: Path, trusted: Container[str] = ()) -> RunConfig:

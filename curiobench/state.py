@@ -180,8 +180,7 @@ class TrainingState:
     def save(self, folder: Path) -> dict[str, Any]:
         """Save all state but the agent's: write the replay's new episodes to `folder`, and return the rest for JSON.
 
-        Positions in the worlds are not saved: a checkpoint is taken between episodes, and `collect` starts with a
-            reset.
+        Positions in the worlds are not saved, because a checkpoint is taken between episodes and `collect` resets.
         """
         return {
             "replay": self.replay.save(folder),

@@ -20,7 +20,7 @@ def draws() -> bool:
 
 
 def settle(stream: TextIO) -> None:
-    """Write what a stream still holds. Where that fails it goes nowhere, and the end of the process raises nothing."""
+    """Flush a stream. If that fails, redirect it to /dev/null, so that the flush at the exit does not fail too."""
     try:
         stream.flush()
     except OSError:

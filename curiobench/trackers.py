@@ -7,19 +7,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from curiobench.config import RunConfig
 from curiobench.options import flatten
 from curiobench.run_folder import read_record
-
-if TYPE_CHECKING:
-    from curiobench.config import RunConfig
 
 
 class TensorBoard:
     """Writes `tensorboard/` in the run folder. Rows that a resumed run makes again are hidden."""
 
-    def __init__(self, config: "RunConfig", folder: Path, first_epoch: int) -> None:
+    def __init__(self, config: RunConfig, folder: Path, first_epoch: int) -> None:
         from torch.utils.tensorboard import SummaryWriter  # seconds to import
 
         self._writer = SummaryWriter(str(folder / "tensorboard"), purge_step=first_epoch)
@@ -36,7 +34,7 @@ class TensorBoard:
 class WandB:
     """Writes `wandb/` in the run folder, for `wandb sync`; sends instead where WANDB_MODE is online."""
 
-    def __init__(self, config: "RunConfig", folder: Path, first_epoch: int) -> None:
+    def __init__(self, config: RunConfig, folder: Path, first_epoch: int) -> None:
         os.environ.setdefault("WANDB_ERROR_REPORTING", "false")  # to its makers
         import wandb
 
@@ -62,7 +60,7 @@ class WandB:
 class MLflow:
     """Logs to MLFLOW_TRACKING_URI, or to `mlflow.db` in the run folder where it is not set."""
 
-    def __init__(self, config: "RunConfig", folder: Path, first_epoch: int) -> None:
+    def __init__(self, config: RunConfig, folder: Path, first_epoch: int) -> None:
         os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
         from mlflow import MlflowClient
         from mlflow.entities import Param
@@ -102,7 +100,7 @@ Each is made from a run's config, its folder, and the first epoch to log. `log` 
 class Trackers:
     """The trackers of a run. One that fails is named in a line and left out from then on."""
 
-    def __init__(self, config: "RunConfig", folder: Path, first_epoch: int, note: Callable[[str], None]) -> None:
+    def __init__(self, config: RunConfig, folder: Path, first_epoch: int, note: Callable[[str], None]) -> None:
         """
         Args:
             config: of the run.
@@ -145,7 +143,7 @@ def check_installed(names: Sequence[str]) -> None:
             raise ValueError(f"--machine.track {name} needs the extra: pip install 'curiobench[{name}]'")
 
 
-def _identity(config: "RunConfig", folder: Path) -> str:
+def _identity(config: RunConfig, folder: Path) -> str:
     """Of a run in trackers: the same after a resume, another for a copy of its folder."""
     text = f"{read_record(folder).get('created')} {config.fingerprint()} {folder.resolve()}"
     return hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()[:16]

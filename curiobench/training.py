@@ -49,7 +49,7 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
             raise
         try:
             run.train()
-        except (Interrupted, KeyboardInterrupt):
+        except Interrupted:
             raise
         except Exception as error:
             where = f"epoch {run.state.counters.epoch + 1}, cycle {run.state.counters.cycle + 1}"
@@ -158,7 +158,7 @@ class TrainingRun:
 
 def _changed_versions(path: Path, method: str) -> str:
     """Versions that differ from those recorded when the run was started, as text; empty if none."""
-    then, now = read_record(path)["versions"], versions(method)
+    then, now = read_record(path).get("versions", {}), versions(method)
     return ", ".join(f"{name} {now[name]}, was {then[name]}" for name in now if then.get(name, now[name]) != now[name])
 
 

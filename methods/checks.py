@@ -14,6 +14,13 @@ def check_positive(config: Any, *names: str) -> None:
             raise ValueError(f"{name} is {getattr(config, name)}; it must be positive and finite")
 
 
+def check_at_least(config: Any, least: int, *names: str) -> None:
+    """Raise ValueError, with name and value, where one of these fields of a config is below `least`; None is legal."""
+    for name in names:
+        if (value := getattr(config, name)) is not None and value < least:
+            raise ValueError(f"{name} is {value}; it must be at least {least}")
+
+
 def check_share(config: Any, *names: str) -> None:
     """Raise ValueError, with name and value, unless these fields of a config lie in [0, 1]."""
     for name in names:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from curiobench.methods.checks import check_positive
+from curiobench.methods.checks import check_at_least, check_positive
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.reward import Transitions
 
@@ -39,8 +39,7 @@ class DisagreementConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, "hidden", "learning_rate")
-        if self.models < 2:
-            raise ValueError(f"models is {self.models}; it must be at least 2")
+        check_at_least(self, 2, "models")
 
 
 class Disagreement(LearnedReward):

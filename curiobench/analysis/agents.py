@@ -76,7 +76,7 @@ def _best_agent(
 
 def _weights(run: dict[str, Any], config_file: Path, trusted: Container[str]) -> bytes:
     """Content of the agent's weights file. Raises ValueError with the reason if there is no agent."""
-    folder, home = config_file.parent, config_file.parents[1]
+    folder, home = config_file.parent, config_file.parent.parent
     if is_published(home):
         name = agent_name(run["task"], run["method"])
         agent = home / AGENTS / name

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,8 +15,12 @@ _METADATA = {"pdf": {"CreationDate": None}, "png": {"Software": None}, "svg": {"
 FORMATS = tuple(_METADATA)  # formats that a figure can be saved in
 
 
-def import_matplotlib() -> ModuleType:
-    """matplotlib, also where MPLBACKEND names a backend that it does not know, from which it cannot be imported."""
+@contextmanager
+def matplotlib_settings(ours: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """While it lasts, matplotlib has its own defaults and `ours`, whatever a matplotlibrc or the caller has set.
+
+    It may be matplotlib's first import, which fails if MPLBACKEND names a backend that it does not know.
+    """
     first, backend = "matplotlib" not in sys.modules, os.environ.pop("MPLBACKEND", None)
     import matplotlib
 
@@ -26,13 +29,6 @@ def import_matplotlib() -> ModuleType:
         if first:
             with suppress(ValueError):
                 matplotlib.rcParams["backend"] = backend
-    return matplotlib
-
-
-@contextmanager
-def matplotlib_settings(ours: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """While it lasts, matplotlib has its own defaults and `ours`, whatever a matplotlibrc or the caller has set."""
-    matplotlib = import_matplotlib()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(ours or {})

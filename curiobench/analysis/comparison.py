@@ -107,7 +107,7 @@ def _mapped(task: TaskSamples, samples: Sequence[Sample]) -> "Figure":
 
 
 def _block(axes: "Axes", task: TaskSamples, samples: Sequence[Sample], layer: int) -> None:
-    """The goals of one layer. Drawn here, as seaborn's heat map draws its whole figure once more for each block."""
+    """The goals of one layer."""
     goals = np.flatnonzero(task.goal_layers == layer)
     values = 100 * np.stack([sample.goal_success.mean(0)[goals] for sample in samples], axis=1)
     axes.pcolormesh(values, vmin=0, vmax=100, cmap=MAP, edgecolors="white", linewidth=0.4)

@@ -146,7 +146,7 @@ def find_agent(path: Path) -> Path | None:
         if part.name and is_published(by_name(part)):
             raise ValueError(f"{path} is not a published agent; {_told(part, agents_of(by_name(part)))}")
     folder = by_name(path.parent.parent)
-    if not path.parent.name or not is_published(folder):
+    if path.parent.name in ("", "..") or not is_published(folder):
         if _VERSION.fullmatch(str(folder)) and not os.path.lexists(folder):
             locate(str(folder))  # raises
         return None

@@ -7,28 +7,29 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os.path import isfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from rich import box
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table as Grid
+from rich.text import Text
 
 from curiobench.analysis.frames import Results, print_faults, read_results
 from curiobench.analysis.paper import flat_paper_table, paper_tables
+from curiobench.analysis.rows import IDENTITY
 from curiobench.analysis.samples import task_samples
 from curiobench.analysis.tables import Column, Estimate, Table, Value, flat_table, method_tables, run_tables, summarise
+from curiobench.cli.arguments import TableArguments
 from curiobench.files import replace_file, utf8, writing_to
 from curiobench.methods.specs import display_name
 from curiobench.terminal import draws, wrapped
 from curiobench.terminal import width as terminal_width
 from curiobench.workers import cores
 
-if TYPE_CHECKING:
-    from rich.table import Table as Grid
-
-    from curiobench.cli.arguments import TableArguments
-
 MISSING = "–"  # printed for a missing value
-MADE_FROM = ["run", "task", "method", "variant", "seed", "epoch", "steps", "complete", "git_commit", "command"]
+MADE_FROM = [*IDENTITY, "epoch", "steps", "complete", "git_commit", "command"]
 """Columns of the csv file that lists the runs in a table."""
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -51,10 +52,6 @@ def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = F
     Cells and notes are wrapped between words to at most `width` columns per line. A table whose words do not fit is
     wider. Names of runs are not wrapped.
     """
-    from rich.console import Console
-    from rich.measure import Measurement
-    from rich.text import Text
-
     console = Console(file=io.StringIO(), width=10_000, force_terminal=colour, no_color=True, highlight=False)
     for place, table in enumerate(tables):
         if place:
@@ -68,12 +65,8 @@ def terminal(tables: Sequence[Table], width: int | None = None, colour: bool = F
     return re.sub(r" +$", "", console.file.getvalue().rstrip("\n"), flags=re.MULTILINE)
 
 
-def _grid(table: Table) -> "Grid":
+def _grid(table: Table) -> Grid:
     """A rich table. Each column is at least as wide as its longest word."""
-    from rich import box
-    from rich.table import Table as Grid
-    from rich.text import Text
-
     grid, rows = Grid(box=box.SIMPLE, pad_edge=False, show_edge=False), _cells(table)
     for column, cells in zip(table.columns, zip(*rows, strict=True), strict=True):
         texts = [column.heading, *(text for text, _ in cells)]
@@ -165,7 +158,7 @@ def number_and_interval(value: Value, digits: int) -> tuple[str, str]:
     return f"{value:.{digits}f}" if isinstance(value, float) else str(value), ""
 
 
-def show_tables(arguments: "TableArguments") -> None:
+def show_tables(arguments: TableArguments) -> None:
     """Print tables of runs and, with `--out`, write them to files. Then print the runs that are left out to stderr.
 
     Raises ValueError, after the tables, if a given path is not in them or there is no run.

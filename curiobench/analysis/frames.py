@@ -13,7 +13,7 @@ import pandas as pd
 from pandas.api.types import union_categoricals
 
 from curiobench.analysis.folders import GridRun, by_name, find_runs, is_published
-from curiobench.analysis.rows import DTYPES
+from curiobench.analysis.rows import DTYPES, IDENTITY
 from curiobench.analysis.runs import RunData, read_head, with_rows, without_beginnings
 from curiobench.analysis.sets import read_set
 from curiobench.analysis.variants import variants
@@ -25,7 +25,6 @@ from curiobench.workers import no_collection, parallel_map
 _OF_THE_PAPER = ("sac", "icm", "rnd", "dac", "re3", "mihm", "icm+hm", "rnd+hm", "dac+hm", "re3+hm", "mi")
 METHOD_ORDER = (*_OF_THE_PAPER, *(spec for spec in BUILT_IN if spec not in _OF_THE_PAPER))
 """Methods as tables and figures list them; others follow by name."""
-IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
 RUN_COLUMNS = (
     *IDENTITY,
     *("robot", "preset", "epochs", "epoch", "complete", "steps", "updates", "hours", "peak_memory_mb", "machine"),
@@ -97,7 +96,7 @@ def read_results(
         found = [one for path in paths for one in _at(by_name(Path(path)), every_goal, known)]
         folders = [what for what, _ in found if isinstance(what, tuple)]
         loaded = iter(parallel_map(load_folder, folders, processes, FEWEST))
-        read = [(next(loaded) if isinstance(what, tuple) else what, asked) for what, asked in found]
+        read = [(next(loaded) if isinstance(what, tuple) else what, named) for what, named in found]
         runs, faults, absent = _usable(read)
         return _results(without_beginnings(runs) if longest else runs, (*faults, *absent), tuple(absent))
 
@@ -139,16 +138,16 @@ def _usable(read: Iterable[tuple[RunData | str, bool]]) -> tuple[list[RunData], 
     """
     kept: dict[str, RunData] = {}
     faults: tuple[list[str], list[str]] = ([], [])
-    for run, asked in sorted(read, key=lambda one: isinstance(one[0], RunData) and not one[0].values["complete"]):
+    for run, named in sorted(read, key=lambda one: isinstance(one[0], RunData) and not one[0].values["complete"]):
         if isinstance(run, str):
-            faults[asked].append(run)
+            faults[named].append(run)
         elif run.evaluations is None and not run.fault:
-            faults[asked].append(f"{run.path} is partial: it has no result.json; left out")
+            faults[named].append(f"{run.path} is partial: it has no result.json; left out")
         elif first := kept.get(run.identity()):
             why = "all options that affect results are equal"
-            faults[asked].append(f"{run.path} is a duplicate of {first.path}: {why}; left out")
+            faults[named].append(f"{run.path} is a duplicate of {first.path}: {why}; left out")
         elif run.fault:
-            faults[asked].append(run.fault)
+            faults[named].append(run.fault)
         else:
             faults[False].extend(run.notes)
             kept[run.identity()] = run

@@ -11,9 +11,14 @@ from pathlib import Path
 import pandas as pd
 
 from curiobench.analysis.agents import collect_agents
+from curiobench.analysis.figures import draw_figures
 from curiobench.analysis.folders import AGENTS, CONFIGS, PUBLISHED_FILES, SUMS, agents_of, check_sums, is_published
+from curiobench.analysis.formats import make_tables, write_tables
 from curiobench.analysis.frames import Results, read_results
+from curiobench.analysis.paper import LEARNED
+from curiobench.analysis.report import write_report
 from curiobench.files import read_content, replace_file, sync_folder, utf8, writing_to
+from curiobench.workers import cores
 
 DERIVED = ("tables", "figures", "report.html")  # made from the csv files each time a set is published
 _OWN = {*PUBLISHED_FILES, CONFIGS, AGENTS, SUMS, *DERIVED}
@@ -152,12 +157,6 @@ def _write(folder: Path, results: Results, files: Mapping[str, bytes]) -> None:
 
 def derive(folder: Path) -> None:
     """Write the tables, figures and report of a published set into its folder, as the commands of these names do."""
-    from curiobench.analysis.figures import draw_figures
-    from curiobench.analysis.formats import make_tables, write_tables
-    from curiobench.analysis.paper import LEARNED
-    from curiobench.analysis.report import write_report
-    from curiobench.workers import cores
-
     results = read_results([folder], every_goal=False)
     for like in (None, "paper") if LEARNED.keys() & set(results.runs["method"]) else (None,):
         write_tables(folder / "tables", make_tables(results, like), results)

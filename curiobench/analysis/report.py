@@ -8,8 +8,12 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from curiobench.analysis.figures import FIGURES, draw_figures
 from curiobench.analysis.formats import check_baseline
 from curiobench.analysis.frames import Results, read_results
 from curiobench.analysis.report_data import (
@@ -25,9 +29,6 @@ from curiobench.analysis.report_data import (
 from curiobench.analysis.samples import LOGGED, task_samples
 from curiobench.analysis.tables import method_tables, summarise
 from curiobench.files import replace_file, utf8, writing_to
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 PIXELS_A_POINT = 4 / 3 * 1.25  # of a figure, which is at most a quarter larger than on paper
 
@@ -93,11 +94,8 @@ def render(results: Results, title: str | None = None, baseline: str = "sac", pr
 
 
 @cache
-def _page() -> "Template":
+def _page() -> Template:
     """The template with style, script, and the digest that allows this script to run and no other."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
     loader = PackageLoader("curiobench.analysis", "page")
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
     style, script = (
@@ -110,8 +108,6 @@ def _page() -> "Template":
 
 def pictures(results: Results, processes: int = 1) -> list[dict[str, Any]]:
     """All figures of the runs, as data URIs with captions; raises ValueError as `draw_figures`."""
-    from curiobench.analysis.figures import draw_figures
-
     with tempfile.TemporaryDirectory(prefix="curiobench-report-") as folder:
         paths = draw_figures(results, Path(folder), formats=("svg",), processes=processes)
         return [_figure_entry(path) for path in paths]
@@ -119,8 +115,6 @@ def pictures(results: Results, processes: int = 1) -> list[dict[str, Any]]:
 
 def _figure_entry(path: Path) -> dict[str, Any]:
     """A figure for the template; `width` and `height` are the largest, in pixels."""
-    from curiobench.analysis.figures import FIGURES
-
     content = _shortened(path.read_bytes())
     task, kind = re.fullmatch(rf"(.+)-({'|'.join(FIGURES)})(?:-[0-9]+)?", path.stem).groups()
     caption = f"{task}: {FIGURES[kind].caption}."

@@ -18,6 +18,7 @@ from curiobench.tasks.registration import task_spec
 MAX_CSV_BYTES = 1 << 30
 _ROUNDING = 1e-9
 
+IDENTITY = ("run", "task", "method", "variant", "seed")  # first columns of every frame
 DTYPES = {
     "epoch": np.int32,
     "steps": np.int64,
@@ -98,7 +99,7 @@ def _parse_csv(content: bytes, columns: Iterable[str], dtypes: Mapping[str, Any]
         return pd.read_csv(BytesIO(content), usecols=list(columns), dtype=dtypes, index_col=False, low_memory=False)
 
 
-def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool = True) -> Frames:
+def check_evaluations(rows: pd.DataFrame, task: str, every_goal: bool) -> Frames:
     """The frames of one run from the rows of its evaluations.csv, with `every_goal` as for `read_evaluations`.
 
     Raises ValueError where a goal is missing, repeated or unknown, or a number is out of its range.

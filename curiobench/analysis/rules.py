@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from curiobench.analysis.frames import IDENTITY, read_results
+from curiobench.analysis.frames import read_results
+from curiobench.analysis.rows import IDENTITY
 from curiobench.analysis.style import count
 from curiobench.analysis.submission import (
     Fault,

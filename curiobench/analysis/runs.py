@@ -167,7 +167,7 @@ def _command(record: Mapping[str, Any]) -> str:
     return _text(" && ".join(map(shlex.join, lines)), limit=10_000)
 
 
-def with_rows(run: RunData, every_goal: bool = True, progress: bool | Collection[str] = True) -> RunData:
+def with_rows(run: RunData, every_goal: bool, progress: bool | Collection[str]) -> RunData:
     """A run by `read_head` with its rows; the other arguments are those of `read_evaluations` and `read_progress`.
 
     progress.csv of a partial run is always read, as nothing else has its cost. Raises ValueError, one line that names

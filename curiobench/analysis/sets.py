@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.folders import CONFIGS, PUBLISHED_FILES, check_sums
-from curiobench.analysis.rows import DTYPES, PROGRESS_COLUMNS, PROGRESS_DTYPES, check_evaluations
+from curiobench.analysis.rows import DTYPES, IDENTITY, PROGRESS_COLUMNS, PROGRESS_DTYPES, check_evaluations
 from curiobench.analysis.runs import LARGEST_NUMBER, RunData, check_config, columns_of
 from curiobench.versions import PACKAGES
 
@@ -20,7 +20,7 @@ _TEXT = (
 _NUMBERS = ("epoch", "steps", "updates", "hours", "peak_memory_mb")
 
 
-def read_set(folder: Path, every_goal: bool = True) -> list[RunData]:
+def read_set(folder: Path, every_goal: bool) -> list[RunData]:
     """The runs of a published set, with every evaluation of each, or the last.
 
     Raises ValueError, which names the folder, where a file is damaged or lacks a column, or the files disagree.
@@ -80,7 +80,6 @@ def _run(
     values = columns_of(config) | {column: row[column] for column in (*_TEXT[1:], *_NUMBERS, "complete")}
     values |= {"epoch": epoch, "steps": steps, "updates": int(row["updates"])}
     file = folder / CONFIGS / f"{name}.json"
-    foreign = ["run", "task", "method", "variant", "seed"]
-    progress = details.drop(columns=foreign, errors="ignore").dropna(axis="columns", how="all")
+    progress = details.drop(columns=list(IDENTITY), errors="ignore").dropna(axis="columns", how="all")
     progress = progress.reset_index(drop=True)
     return RunData(folder / name, config, values, file, evaluations=evaluations, layers=layers, progress=progress)

@@ -2,11 +2,11 @@
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
-from curiobench.analysis.canvas import import_matplotlib, matplotlib_settings
+from curiobench.analysis.canvas import matplotlib_settings
 from curiobench.analysis.colours import base
 from curiobench.analysis.samples import Sample
 
@@ -17,6 +17,29 @@ GREY = {"color": "0.82", "linewidth": 0.7, "linestyle": "-", "zorder": 1}
 """Look of lines in the background."""
 TEXT_WIDTH = 6.75  # width of a figure, which is that of a page's text, in inches
 TEXT, SMALL = 9, 7.5  # sizes of labels, and of ticks, legends and captions, in points
+
+_SETTINGS = {
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib
+    **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize"), TEXT),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), SMALL),
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), "0.15"),
+    **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 1),
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 4.8),
+    "axes.axisbelow": True,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 4,
+    "lines.solid_capstyle": "round",
+    "patch.edgecolor": "w",
+    "patch.force_edgecolor": True,
+    "patch.linewidth": 0.8,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "curiobench",
+    "text.parse_math": False,  # names of goals and options come from files
+}
 
 _MARKERS = {"sac": "o", "icm": "s", "rnd": "^", "dac": "v", "re3": "D", "mi": "P"}
 _OTHER_MARKERS = ("X", "p", "<", ">", "h", "d", "*", "8", "H", "s", "^", "v", "D", "o", "P")
@@ -82,29 +105,9 @@ def layer_in_words(layer: int) -> str:
     return f"{('no', 'one', 'two', 'three', 'four', 'five')[layer]} layer{'s' * (layer > 1)}" if layer else "all goals"
 
 
-@contextmanager
-def theme() -> Iterator[None]:
-    """Seaborn's theme for paper with our sizes, while it lasts."""
-    import_matplotlib()
-    import seaborn
-
-    ours = {
-        "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib; seaborn's Arial is not on every machine
-        **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize"), TEXT),
-        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), SMALL),
-        "legend.frameon": False,
-        "axes.titlelocation": "left",
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "lines.linewidth": 1.3,
-        "lines.markersize": 4,
-        "pdf.fonttype": 42,
-        "svg.hashsalt": "curiobench",
-        "text.parse_math": False,  # names of goals and options come from files
-    }
-    context = seaborn.plotting_context("paper")
-    with matplotlib_settings({**seaborn.axes_style("ticks"), **context, **ours}):
-        yield
+def theme() -> AbstractContextManager[None]:
+    """The settings of all figures, while it lasts."""
+    return matplotlib_settings(_SETTINGS)
 
 
 def caption(figure: "Figure", text: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from curiobench.analysis.frames import Results
+from curiobench.analysis.rows import IDENTITY
 from curiobench.analysis.samples import DECIMALS, GOOD_SUCCESS, Sample, TaskSamples
 from curiobench.analysis.statistics import (
     ENOUGH_SEEDS,
@@ -258,7 +259,7 @@ def run_tables(results: Results) -> tuple[Table, pd.DataFrame]:
     layers = [*sorted(set(last["layer"]) - {0}), 0]
     wide = last.pivot(index="run", columns="layer", values=["learned", "goals", "success"])
     wide.columns = [key_of(name, layer) for name, layer in wide.columns]
-    names = ["run", "task", "method", "variant", "seed"]
+    names = [*IDENTITY]
     goals = [key_of(name, layer) for layer in layers for name in ("learned", "goals")]
     flat = results.runs.join(wide, on="run").astype({"complete": int})
     flat = flat[[*names, "epoch", "epochs", "complete", *goals, "success"]]

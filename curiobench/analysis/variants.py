@@ -3,16 +3,15 @@
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from curiobench.analysis.runs import decisive
 from curiobench.options import flatten
 from curiobench.presets import PRESETS, preset
 from curiobench.tasks.registration import task_spec
 from curiobench.versions import PACKAGES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 RUN_OPTIONS = ("task", "method", "seed")  # options in which runs of a grid differ: every table has a column of each
 _PAPER = PRESETS["paper"]
@@ -40,7 +39,7 @@ def variants(options: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def cautions(runs: "pd.DataFrame") -> list[str]:
+def cautions(runs: pd.DataFrame) -> list[str]:
     """A line on each difference between runs that makes a comparison unfair, from the frame `runs`."""
     lines = []
     for task, group in runs.groupby("task", sort=True):
@@ -73,7 +72,7 @@ def _unlike_options(task: str, flat: Sequence[Mapping[str, Any]], named: Sequenc
     return lines
 
 
-def configs(runs: "pd.DataFrame") -> list[dict[str, Any]]:
+def configs(runs: pd.DataFrame) -> list[dict[str, Any]]:
     """The options of runs, as config.json has them."""
     return [json.loads(text) for text in runs["config"]]
 
@@ -107,7 +106,7 @@ def _word(value: Any) -> str:
     return "".join(character if character.isprintable() else " " for character in text[:60])
 
 
-def scale_of(runs: "pd.DataFrame") -> str:
+def scale_of(runs: pd.DataFrame) -> str:
     """The scale of runs of one task, as "gripper, laptop preset: 28 epochs, 1.79 M steps a run".
 
     Options in which all of them differ from their preset are named: "laptop preset with updates=40".

@@ -41,7 +41,7 @@ def train(arguments: Any) -> None:
     from curiobench.training import train
 
     train(arguments.config, arguments.out, arguments.resume, ["curiobench", *sys.argv[1:]])
-    terminal.settle(sys.stdout)  # the run is there, whether its lines are read or not
+    terminal.settle(sys.stdout)  # a closed pipe is no failure of a finished run
 
 
 def grid(arguments: GridArguments) -> None:
@@ -94,7 +94,8 @@ def figure(arguments: FigureArguments) -> None:
     from curiobench.workers import cores
 
     results = read_results(arguments.runs, arguments.partial, False, LOGGED, cores())
-    for file in draw_figures(results, arguments.out, arguments.like, arguments.format.split(","), cores()):
+    formats = [name.strip() for name in arguments.format.split(",")]
+    for file in draw_figures(results, arguments.out, arguments.like, formats, cores()):
         print(file)
     print_faults(results, "figures")
 

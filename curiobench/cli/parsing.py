@@ -32,10 +32,10 @@ def parse_arguments(
         SystemExit: on `--help`, after showing it.
     """
     for flag, argument in pairwise(["an argument", *arguments]):
-        if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # as a path it would be the folder one is in
+        if argument == "" or re.fullmatch(r"--[\w.-]+=", argument):  # an empty path would mean the current folder
             raise ValueError(f"{(argument or flag).rstrip('=')} is empty")
     messages = io.StringIO()
-    tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # which it does not read by itself
+    tyro._experimental_options["ansi_codes"] = "NO_COLOR" not in os.environ  # tyro ignores NO_COLOR
     try:
         with redirect_stderr(messages):
             return tyro.cli(

@@ -36,8 +36,7 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     """Arguments of a training run.
 
     Defaults are those of the preset that `--preset` names, for the task that `--task` names, or of the folder's own
-    config where `--resume` finds one.
-    `--method` decides which settings `--method.…` there are.
+    config where `--resume` finds one. `--method` decides which settings `--method.…` there are.
 
     Raises:
         ValueError: an unknown preset or task, an illegal value, or arguments that are not understood; one line.
@@ -47,7 +46,8 @@ def parse_train(arguments: Sequence[str]) -> TrainArguments:
     if "--resume" in arguments and out and (Path(out) / "config.json").exists():
         defaults = read_config(Path(out), {_last_value(arguments, "--method")})
     else:
-        defaults = preset(_last_value(arguments, "--preset") or "laptop", _last_value(arguments, "--task") or "stack3")
+        name, task = _last_value(arguments, "--preset"), _last_value(arguments, "--task")
+        defaults = preset(name or RunConfig.preset, task or RunConfig.task)
     method = canonical(_last_value(arguments, "--method") or defaults.method)
     if method != defaults.method:
         defaults = replace(defaults, method=method, method_config=None)

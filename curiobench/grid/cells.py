@@ -16,7 +16,6 @@ from curiobench.files import write_json, writing_to
 from curiobench.grid.definition import Grid, Options
 from curiobench.methods.specs import display_name
 from curiobench.options import flatten
-from curiobench.presets import PRESETS
 from curiobench.tasks.registration import check_name
 
 _AXES = {"task": "tasks", "method": "methods", "seed": "seeds"}
@@ -102,7 +101,7 @@ def folder_name(method: str) -> str:
 def _check_names(options: Options, keys: Mapping[str, str]) -> None:
     """Check that options exist and have no key of their own. The parser also accepts such flags as --help."""
     own = (*_AXES, *_OF_ALL, "method_config")
-    fields = [name for name in flatten(PRESETS["laptop"].to_json()) if name not in own]
+    fields = [name for name in flatten(RunConfig().to_json()) if name not in own]
     legal = (*_OF_ALL, *(name.replace("_", "-") for name in fields))
     for name in options:
         if key := keys.get(name):

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import yaml
 
 from curiobench.cli.arguments import GridArguments
-from curiobench.config import LARGEST_SEED
+from curiobench.config import LARGEST_SEED, RunConfig
 from curiobench.files import read_content
 from curiobench.tasks.registration import check_name
 
@@ -33,9 +33,9 @@ class Grid:
     """Method specs."""
     seeds: Sequence[int] = (0, 1, 2)
     """Seeds."""
-    preset: str = "laptop"
+    preset: str = RunConfig.preset
     """Preset of all cells."""
-    robot: str = "gripper"
+    robot: str = RunConfig.robot
     """Robot of all cells."""
     options: Options = field(default_factory=dict)
     """Options of all cells."""

@@ -6,9 +6,8 @@ from enum import StrEnum
 from itertools import groupby
 from pathlib import Path
 
-from curiobench.config import obstacles
 from curiobench.grid.cells import Cell
-from curiobench.run_folder import REPLAY, is_locked, read_config
+from curiobench.run_folder import REPLAY, conflict, is_locked, read_config
 
 
 class State(StrEnum):
@@ -33,8 +32,8 @@ def cell_state(cell: Cell) -> tuple[State, str]:
         begun = read_config(cell.path, {cell.config.method})
     except ValueError as error:
         return State.CONFLICT, str(error)
-    if found := obstacles(begun, cell.config):
-        return State.CONFLICT, f"the run in {cell.path} has other options: {'; '.join(found)}"
+    if why := conflict(cell.path, begun, cell.config):
+        return State.CONFLICT, why
     if (cell.path / "result.json").exists():
         if begun.epochs == cell.config.epochs:
             return State.FINISHED, ""
@@ -68,7 +67,7 @@ def read_progress(path: Path, known: Progress) -> Progress:
         if (file.st_size, file.st_mtime) == (known.size, known.written):
             return known
         text = (path / "progress.csv").read_text(encoding="utf-8")
-        rows = list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))  # without a row that is not whole yet
+        rows = list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))  # without an unfinished last row
         if not rows:
             return Progress()
         learned = [int(row["goals_learned"]) for row in rows if row["goals_learned"]] or [None]

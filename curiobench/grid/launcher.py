@@ -82,11 +82,6 @@ def tail(path: Path, start: int, lines: int = 6) -> list[str]:
     return found[-lines:]
 
 
-def size_of(path: Path) -> int:
-    """Bytes in a file, 0 where there is none."""
-    return path.stat().st_size if path.exists() else 0
-
-
 class LocalJob(Job):
     """A process in a session of its own: Ctrl-C in the terminal reaches the grid alone, which passes it on."""
 

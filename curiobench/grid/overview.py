@@ -70,10 +70,10 @@ class LiveGridView(PlainGridView):
         self._live.start()
 
     def started(self, status: Status) -> None:
-        """Its row in the table says so."""
+        """Nothing to print: the table shows it."""
 
     def ended(self, status: Status) -> None:
-        """Its row in the table says so."""
+        """Nothing to print: the table shows it."""
 
     def show(self, statuses: Sequence[Status], slots: int) -> None:
         self._shown = statuses, slots

@@ -13,6 +13,7 @@ from curiobench.grid.disk import State, cell_state
 from curiobench.grid.launcher import Launcher, LocalLauncher, physical_cores
 from curiobench.grid.overview import LiveGridView, PlainGridView, status_line
 from curiobench.grid.scheduler import Scheduler
+from curiobench.methods.checks import check_at_least
 from curiobench.terminal import draws
 
 
@@ -28,9 +29,8 @@ def run_grid(arguments: GridArguments, command: Sequence[str] = ()) -> None:
         RunFailed: cells stay broken or in conflict; each has been reported.
         Interrupted: on Ctrl-C or SIGTERM, after the checkpoints of all cells.
     """
-    for name, least in (("jobs", 1), ("retries", 0)):
-        if (value := getattr(arguments, name)) is not None and value < least:
-            raise ValueError(f"{name} is {value}; it must be at least {least}")
+    check_at_least(arguments, 1, "jobs")
+    check_at_least(arguments, 0, "retries")
     if arguments.address is not None and arguments.launcher != "ray":
         raise ValueError("--address needs --launcher ray")
     if arguments.slurm and arguments.launcher != "slurm":

@@ -6,9 +6,10 @@ from collections import deque
 from collections.abc import Sequence
 
 from curiobench.errors import StopRequest
+from curiobench.files import size_of
 from curiobench.grid.cells import Cell
 from curiobench.grid.disk import State
-from curiobench.grid.launcher import LOST, Launcher, size_of, tail
+from curiobench.grid.launcher import LOST, Launcher, tail
 from curiobench.grid.overview import PlainGridView
 from curiobench.grid.status import OPEN, Status
 from curiobench.run_folder import is_locked
@@ -43,8 +44,7 @@ class Scheduler:
 
     def run(self) -> None:
         """Train until no cell is left, or until all cells have ended after a stop request."""
-        for status in self.statuses:
-            self._refresh(status)
+        self._queue.extend(filter(self._is_waiting, self.statuses))
         try:
             while self._running() or (not self._stop.count and any(s.state in OPEN for s in self.statuses)):
                 self._pass_signals_on()
@@ -60,11 +60,6 @@ class Scheduler:
     def _running(self) -> list[Status]:
         return [status for status in self.statuses if status.job]
 
-    def _refresh(self, status: Status) -> None:
-        """Read the state of a cell from its folder, and queue the cell if it is to be trained."""
-        if self._is_waiting(status):
-            self._queue.append(status)
-
     def _is_waiting(self, status: Status) -> bool:
         """Read the state of a cell from its folder; whether it is to be trained."""
         if status.refresh() is State.CONFLICT:
@@ -77,11 +72,12 @@ class Scheduler:
             return
         self._looked = time.monotonic()
         for status in self.statuses:
-            if status.state is State.ELSEWHERE:
-                self._refresh(status)
-            elif status.state is State.WAITING and is_locked(status.cell.path):
+            if status.state is State.WAITING and is_locked(status.cell.path):
                 self._queue.remove(status)
-                self._refresh(status)
+            elif status.state is not State.ELSEWHERE:
+                continue
+            if self._is_waiting(status):
+                self._queue.append(status)
 
     def _start_waiting(self) -> None:
         while self._queue and len(self._running()) < self._launcher.slots():

@@ -78,7 +78,7 @@ class SlurmLauncher(Launcher):
         Raises ValueError where submitit or SLURM is missing or an option is wrong; one line.
         """
         parameters = _parameters(options)
-        # else its import sets up the logging of the whole process anew, and closes what other loggers write to
+        # otherwise importing submitit resets this process's logging and closes other loggers' streams
         os.environ.setdefault("SUBMITIT_LOG_LEVEL", "NOCONFIG")
         try:
             import submitit
@@ -107,9 +107,7 @@ class SlurmLauncher(Launcher):
             if not job.done():
                 return SlurmJob(job, record, log)
         try:
-            job = self._executor.submit(
-                train_in_worker, self._program, arguments, str(log), os.getcwd(), _ENDING
-            )  # fmt: skip
+            job = self._executor.submit(train_in_worker, self._program, arguments, str(log), os.getcwd(), _ENDING)
         except Exception as error:  # submitit raises its own, with all that sbatch said
             raise OSError(" ".join(str(error).split())) from None
         record.write_text(f"{job.job_id}\n", encoding="utf-8")

@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 
+from curiobench.files import size_of
 from curiobench.grid.cells import Cell
 from curiobench.grid.disk import Progress, State, cell_state, read_progress
-from curiobench.grid.launcher import Job, size_of
+from curiobench.grid.launcher import Job
 
 OPEN = (State.WAITING, State.RUNNING, State.ELSEWHERE, State.STOPPED)
 """States of cells that are still to be finished, here or by another grid."""

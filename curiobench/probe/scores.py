@@ -98,7 +98,8 @@ def open_runs(
     if not curious:
         raise ValueError("; ".join(notes))
     specs = [display_name(run.config.method) for run in curious]
-    labels = [s if specs.count(s) == 1 else f"{s} {run.path.name}" for s, run in zip(specs, curious, strict=True)]
+    names = [run.path.resolve().name for run in curious]
+    labels = [spec if specs.count(spec) == 1 else f"{spec} {name}" for spec, name in zip(specs, names, strict=True)]
     if as_of_epoch is not None:
         notes.append(f"methods are asked as of epoch {as_of_epoch}, at which none of these weights was")
     return [

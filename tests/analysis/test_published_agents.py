@@ -180,9 +180,18 @@ def test_what_is_wrong_with_an_agent_is_one_line(out, spoil, message):
     assert "\n" not in str(caught.value)
 
 
+def test_relative_paths_of_a_run_mean_the_run(out, finished, monkeypatch):
+    shutil.copytree(finished, out.with_name("run"))
+    monkeypatch.chdir(out)
+    assert load_agent(Path("../run"))[0].method == "sac"
+    monkeypatch.chdir("../run")
+    publish([Path()], Path("../v3"), allow_dirty=True)
+    assert load_agent(Path("../v3/stack2/sac"))[0].method == "sac"
+
+
 def test_what_there_is_not_is_named(out, finished, cli, monkeypatch, tmp_path):
     names = f"{out}/stack2/mihm, {out}/stack2/sac"
-    for path in ("stack2/icm", "stack3/sac", "../runs", "stack2/..", "stack9/sac", "stack2", "."):
+    for path in ("stack2/icm", "stack3/sac", "stack2/..", "stack9/sac", "stack2", "."):
         with pytest.raises(ValueError, match=f"is not a published agent; available: {names}$"):
             load_agent(Path(f"{out}/{path}"))
     with pytest.raises(ValueError, match="has an agent of mihm, not of icm"):

@@ -31,7 +31,7 @@ TRAINS = ("torch", "numba", "ray")
             [*SIMULATES, *TRAINS, "pandas", "matplotlib", "yaml"],
         ),
         (["table v2", "submit-check v2 --against v2", "report v2"], [*SIMULATES, *TRAINS]),
-        (["check rnd"], [*SIMULATES, "matplotlib", "seaborn"]),
+        (["check rnd"], [*SIMULATES, "matplotlib"]),
     ],
     ids=["help", "results", "check"],
 )
