@@ -4,7 +4,7 @@ import numpy as np
 
 
 class Queues:
-    """One first-in, first-out queue of integers a group. Each is a ring in one shared array, doubled when it is full.
+    """One first-in, first-out queue of integers per group. Each is a ring in one shared array, doubled when it is full.
 
     Attributes:
         counts: `(G,)` numbers held by each group.

@@ -53,7 +53,8 @@ def draw_arrivals(replay: "EpisodeReplay", size: int, generator: np.random.Gener
     occurring = np.flatnonzero(replay.arrivals.counts)
     if not len(occurring):
         return draw_future(replay, size, generator)
-    n, n_pursued = round(config.arrival_share * size), round(config.pursued_share * size)
+    n = round(config.arrival_share * size)
+    n_pursued = min(round(config.pursued_share * size), size - n)
     parts = [_draw_arrivals(replay, n, occurring, generator), _draw_pursued(replay, n_pursued, generator)]
     quota = None
     if config.satisfied_cap is not None:

@@ -1,9 +1,9 @@
 """Episodes on disk: written once, in segments, with manifests that say which of them make up a saved state.
 
 A segment `episodes-FIRST-END.npz` holds the episodes number FIRST to END - 1, counted from the first ever added. A save
-writes one segment of what is new and a manifest `replay-ADDED.json`. All files are written atomically,
-and the last two saves stay loadable: a kill between the save of the replay and that of the
-agent leaves a replay that fits the older agent. No pickles.
+writes one segment of what is new and a manifest `replay-ADDED.json`. All files are written atomically, and the last two
+saves stay loadable: a kill between the save of the replay and that of the agent leaves a replay that fits the older
+agent. No pickles.
 """
 
 from pathlib import Path

@@ -13,7 +13,6 @@ from curiobench.display import Display
 from curiobench.errors import Interrupted, RunFailed, StopRequest
 from curiobench.evaluation import Evaluation, Evaluator, format_layers, last_evaluation, learned_by_layer
 from curiobench.files import utf8, write_json
-from curiobench.methods.guard import MethodError
 from curiobench.methods.plugins import error_line
 from curiobench.methods.process import tune_process
 from curiobench.run_folder import CHECKPOINT, REPLAY, RunFolder, read_record, read_rows
@@ -44,7 +43,8 @@ def train(config: RunConfig, out: Path, resume: bool = False, command: Sequence[
             run = TrainingRun(folder, config, stop)
         except BaseException as error:
             folder.withdraw()
-            if isinstance(error, OSError | MemoryError | MethodError):
+            # torch raises RuntimeError where memory is short, a method MethodError, which is one
+            if isinstance(error, OSError | MemoryError | RuntimeError):
                 raise ValueError(f"cannot begin {out}: {error}") from error
             raise
         try:

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from curiobench.tasks import BatchedStacking
 from curiobench.tasks.goal_names import BLOCK_NAMES
-from curiobench.tasks.goals import GoalSpace, predicates
+from curiobench.tasks.goals import CLOSE_DISTANCE, GoalSpace, predicates
 from curiobench.tasks.placements import BLOCK_SIZE
 from curiobench.tasks.scene import BLOCK_REST_HEIGHT, TABLE_CENTRE
 
@@ -60,7 +60,7 @@ def _possible(positions: np.ndarray) -> np.ndarray:
     first, second = np.triu_indices(positions.shape[1], k=1)
     offset = np.abs(positions[:, first] - positions[:, second])
     distance = np.linalg.norm(offset, axis=-1)
-    return ((offset.max(axis=-1) > 0.999 * BLOCK_SIZE) & (np.abs(distance - 0.09) > MARGIN)).all(axis=1)
+    return ((offset.max(axis=-1) > 0.999 * BLOCK_SIZE) & (np.abs(distance - CLOSE_DISTANCE) > MARGIN)).all(axis=1)
 
 
 def _ugliness(positions: np.ndarray, space: GoalSpace, bits: np.ndarray) -> np.ndarray:

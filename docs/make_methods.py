@@ -18,7 +18,7 @@ COMMAND = "make presets"
 PAPERS_TAU = 0.2
 
 Sweep = dict[str, dict[float, list[float]]]
-"""Final mean success by method and tau, a value a seed."""
+"""Final mean success by method and tau, one value per seed."""
 
 
 def read_sweep() -> Sweep:

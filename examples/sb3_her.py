@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=6.0, help="of training; tests are not counted")
     parser.add_argument("--tests", type=int, default=6, help="tests, evenly over that time")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("sb3.csv"), help="file for a row a test and goal")
+    parser.add_argument("--out", type=Path, default=Path("sb3.csv"), help="file with one row per test and goal")
     options = parser.parse_args()
     torch.set_num_threads(1)
     model = stable_baselines3.SAC(

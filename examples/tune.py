@@ -12,11 +12,11 @@ import optuna
 
 import curiobench
 
-if len(sys.argv) < 3:
+if len(sys.argv) < 3 or not all("=" in word for word in sys.argv[3:]):
     sys.exit("usage: tune.py FOLDER TRIALS [OPTION=VALUE …]")
 OUT, TRIALS = Path(sys.argv[1]), int(sys.argv[2])
 EPOCHS = 6  # of the preset `laptop`, which evaluates after each
-OPTIONS = {"machine.keep-replay": True, "evaluate-every": 1} | dict(word.split("=") for word in sys.argv[3:])
+OPTIONS = {"machine.keep-replay": True, "evaluate-every": 1} | dict(word.split("=", 1) for word in sys.argv[3:])
 
 
 def objective(trial: optuna.Trial) -> float:

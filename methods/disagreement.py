@@ -10,7 +10,7 @@ Differences from the authors' code (pathak22/exploration-by-disagreement), which
 
 - The models predict the normalised next state itself; theirs predict features of images.
 - Each model leaves out part of the batch. In their code this is a random fifth, here every K-th transition, a
-  different one for each model. The order in a batch is random.
+  different one for each model. The order within each part of a batch is random.
 - MLPs with two hidden layers; theirs are residual.
 - They differentiate the bonus with respect to the policy, as their paper proposes for short horizons. Here it is a
   reward like the others.

@@ -58,7 +58,7 @@ def blamed(method: Method, call: str, update: int | None = None) -> Iterator[Non
 def flaw_of_reward(reward: object, size: int) -> str | None:
     """What is wrong with the form of a batch of `size` rewards, and what was expected; None if nothing is."""
     if not isinstance(reward, Tensor) or reward.shape != (size,):
-        return f"{outline(reward)}; expected a tensor of shape {(size,)}, a reward a transition"
+        return f"{outline(reward)}; expected a tensor of shape {(size,)}, one reward per transition"
     if reward.dtype != torch.float32:
         return f"{outline(reward)}; expected torch.float32"
     if reward.requires_grad:

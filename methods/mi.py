@@ -40,7 +40,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from curiobench.methods.checks import Sees, check_option, check_positive, check_share
+from curiobench.methods.checks import Sees, check_at_least, check_option, check_positive, check_share
 from curiobench.methods.learned import LearnedReward, adam, descend, perceptron
 from curiobench.methods.moments import RunningMoments
 from curiobench.methods.neighbours import neighbour_distances
@@ -79,6 +79,7 @@ class MIConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "m", "particles", "hidden", "learning_rate")
+        check_at_least(self, self.k, "particles")
         check_option(self, "sees", Sees)
         if not 0 < self.xi < 1:
             raise ValueError(f"xi is {self.xi}; it must lie in (0, 1), without its ends")

@@ -21,10 +21,12 @@ class RunningMoments:
     `normalise` never updates: evaluation and reward normalisation use past statistics only.
     """
 
+    clip = 5.0
+    """Normalised values are clipped to ± this."""
+
     def __init__(
         self,
         shape: tuple[int, ...] = (),
-        clip: float = 5.0,
         min_std: float = 1e-2,
         window: int | None = None,
         device: str | torch.device = "cpu",
@@ -32,13 +34,12 @@ class RunningMoments:
         """
         Args:
             shape: shape of one sample; `()` for scalars such as rewards.
-            clip: normalised values are clipped to ±clip.
             min_std: lower bound of the standard deviation, in the samples' unit. It keeps values that hardly vary from
                 being amplified, and avoids a division by zero after a single sample.
             window: w, at least 1; None keeps all history.
             device: device of the statistics.
         """
-        self.shape, self.clip, self.min_std, self.window = shape, clip, min_std, window
+        self.shape, self.min_std, self.window = shape, min_std, window
         self.count = torch.zeros((), dtype=torch.float64, device=device)
         self.mean = torch.zeros(shape, dtype=torch.float64, device=device)
         self.m2 = torch.zeros(shape, dtype=torch.float64, device=device)

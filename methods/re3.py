@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from curiobench.methods.checks import Sees, check_option, check_positive
+from curiobench.methods.checks import Sees, check_at_least, check_option, check_positive
 from curiobench.methods.learned import LearnedReward, perceptron
 from curiobench.methods.neighbours import neighbour_distances
 from curiobench.methods.reward import Transitions
@@ -61,6 +61,7 @@ class RE3Config:
 
     def __post_init__(self) -> None:
         check_positive(self, "k", "particles", "beta", "hidden", "features")
+        check_at_least(self, self.k, "particles")
         check_option(self, "sees", Sees)
         if not 0 <= self.decay < 1:
             raise ValueError(f"decay is {self.decay}; it must lie in [0, 1)")

@@ -72,7 +72,6 @@ def parse_spec(text: str) -> MethodSpec:
     name, hybrid = split(spec)
     if spec == "sac":
         return MethodSpec(spec, None)
-    legal = f"{', '.join(available_specs())}, package.module:Class"
     if name in _BUILT_IN:
         found = MethodSpec(spec, _BUILT_IN[name], hybrid)
     elif ":" in name:
@@ -87,7 +86,9 @@ def parse_spec(text: str) -> MethodSpec:
         raise ValueError(f"method {text!r}: {why}; use one of {hybrids}")
     if found is not None:
         return found
-    near = difflib.get_close_matches(spec, available_specs(), n=1, cutoff=0.0)
+    known = available_specs()
+    near = difflib.get_close_matches(spec, known, n=1, cutoff=0.0)
+    legal = f"{', '.join(known)}, package.module:Class"
     raise ValueError(f"unknown method {text!r}; the nearest is {near[0]!r}; available: {legal}")
 
 
@@ -133,7 +134,7 @@ def _build(
     method: type[IntrinsicReward], spec: str, layout: PairLayout, settings: object, generator: torch.Generator
 ) -> IntrinsicReward:
     goals = {"goal_size": layout.goal_size} if method.uses_policy else {}
-    state_size = len(layout.columns(getattr(settings, "sees", "full")))
+    state_size = len(layout.columns(getattr(settings, "sees", method.sees)))
     make: Callable[..., IntrinsicReward] = method  # arguments by convention, see `IntrinsicReward`
     with building(method, spec):
         return make(state_size, layout.action_size, settings, generator, **goals)

@@ -249,11 +249,6 @@ class BatchedStacking:
         """Velocities `(N, nv)`; a view, for reading."""
         return self._qvel
 
-    @property
-    def truncated(self) -> np.ndarray:
-        """`(N,)` bool, True for worlds whose episode has reached the task's horizon."""
-        return self.step_counts >= self.horizon
-
     @staticmethod
     def compute_reward(achieved_goal: np.ndarray, desired_goal: np.ndarray, info: object = None) -> np.ndarray:
         """Rewards `(...)` float32 of achieved and desired goals `(..., n_bits)`: 1 where all bits agree, else 0."""

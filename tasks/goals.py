@@ -90,8 +90,9 @@ class GoalSpace:
     def __init__(self, n_blocks: int, keeps: Keeps | None = None):
         self.n_blocks = n_blocks
         self._keeps = keeps
+        n_pairs = n_blocks * (n_blocks - 1) // 2
         self.pairs = tuple(
-            BlockPair(i, j, close=k, on_ij=self._n_pairs + 2 * k, on_ji=self._n_pairs + 2 * k + 1)
+            BlockPair(i, j, close=k, on_ij=n_pairs + 2 * k, on_ji=n_pairs + 2 * k + 1)
             for k, (i, j) in enumerate(itertools.combinations(range(n_blocks), 2))
         )
         couples = [(BLOCK_NAMES[p.i], BLOCK_NAMES[p.j]) for p in self.pairs]
@@ -112,12 +113,8 @@ class GoalSpace:
         return tuple(goal_names.describe(self, bits) for bits in self.goals)
 
     @property
-    def _n_pairs(self) -> int:
-        return self.n_blocks * (self.n_blocks - 1) // 2
-
-    @property
     def n_bits(self) -> int:
-        return 3 * self._n_pairs
+        return 3 * len(self.pairs)
 
     def __len__(self) -> int:
         return len(self.goals)

@@ -11,6 +11,7 @@ import numpy as np
 from curiobench.tasks.batch import BatchedStacking, Observation
 from curiobench.tasks.goals import GoalSpace
 from curiobench.tasks.rendering import WorldRenderer, check_picture
+from curiobench.tasks.spec import ACTION_SIZE
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}
 
@@ -27,16 +28,12 @@ def observation_space(worlds: BatchedStacking) -> gym.spaces.Dict:
 
 def action_space() -> gym.spaces.Box:
     """Hand displacement (x, y, z) and finger displacement, each in [-1, 1]."""
-    return gym.spaces.Box(-1, 1, (4,), np.float32)
+    return gym.spaces.Box(-1, 1, (ACTION_SIZE,), np.float32)
 
 
 def as_dict(seen: Observation) -> dict[str, np.ndarray]:
     """The observation of N worlds as a Gymnasium dict."""
-    return {
-        "observation": seen.observation,
-        "achieved_goal": seen.achieved_goal,
-        "desired_goal": seen.desired_goal,
-    }
+    return dict(vars(seen))
 
 
 def read_options(worlds: BatchedStacking, options: Mapping[str, Any] | None) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ import numpy as np
 from curiobench.tasks import observation as obs
 from curiobench.tasks.placements import BLOCK_SIZE
 from curiobench.tasks.scene import BLOCK_REST_HEIGHT, TABLE_CENTRE, TABLE_HALF_SIZE
+from curiobench.tasks.spec import ACTION_SIZE
 
 _STEP_REACH = 0.031
 """Distance that the hand moves in one step from rest with an action of 1 (metres)."""
@@ -81,7 +82,7 @@ class Script:
         if self.stage is None:
             self.stage = np.zeros(len(observation), int)
             self._steps = np.zeros(len(observation), int)
-        action = np.zeros((len(observation), 4))
+        action = np.zeros((len(observation), ACTION_SIZE))
         for number, stage in enumerate(self._stages):
             here = self.stage == number
             if not here.any():

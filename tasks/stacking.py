@@ -82,7 +82,6 @@ class SemanticStacking(composer.Task):
         robot: Robot,
         goal: "str | int | np.ndarray | None" = None,
         biased: bool = False,
-        probabilities: BiasedStarts | None = None,
     ):
         """Builds the scene.
 
@@ -91,7 +90,6 @@ class SemanticStacking(composer.Task):
           robot: a robot that no other task uses.
           goal: a goal that `GoalSpace.parse` accepts; None draws one of the valid goals for every episode.
           biased: whether starts are biased towards stacks and a held block.
-          probabilities: probabilities of biased starts; those of the paper by default.
 
         Raises:
           ValueError: the goal is unknown.
@@ -99,7 +97,7 @@ class SemanticStacking(composer.Task):
         self.spec = spec
         self.goal_space: GoalSpace = spec.goal_space
         self.biased = biased
-        self._probabilities = probabilities or BiasedStarts()
+        self._probabilities = BiasedStarts()
         self._fixed_goal = None if goal is None else self.goal_space.parse(goal)
         self._goal = self.goal_space.goals[0] if self._fixed_goal is None else self._fixed_goal
         self._step_count = 0
@@ -121,11 +119,6 @@ class SemanticStacking(composer.Task):
     @property
     def task_observables(self) -> dict[str, observable.Observable]:
         return self._task_observables
-
-    @property
-    def goal(self) -> np.ndarray:
-        """The desired goal `(n_bits,)` of the current episode."""
-        return self._goal
 
     def set_goal(self, goal: "str | int | np.ndarray | None") -> None:
         """Sets the goal from the next episode on. None draws one of the valid goals for every episode.

@@ -69,14 +69,10 @@ class PopArt:
         delta = targets.mean() - mean
         self.mean += rate * delta
         self.variance.copy_((1 - rate) * (self.variance + rate * delta**2) + rate * targets.var(correction=0))
-        self._rescale(mean, scale)
-
-    def _rescale(self, old_mean: Tensor, old_scale: Tensor) -> None:
-        """Rescale every layer so that its denormalised output does not change."""
         new_scale = self.scale
-        for weight, bias in self.layers:
-            weight.mul_(old_scale / new_scale)
-            bias.mul_(old_scale / new_scale).add_((old_mean - self.mean) / new_scale)
+        for weight, bias in self.layers:  # denormalised outputs stay what they were
+            weight.mul_(scale / new_scale)
+            bias.mul_(scale / new_scale).add_((mean - self.mean) / new_scale)
 
     def normalise(self, values: Tensor) -> Tensor:
         """(values - mean) / scale, float64, in the unit of the layers' outputs. Never updates."""

@@ -149,6 +149,13 @@ def test_a_method_that_cannot_be_built_is_named_with_its_file(write):
     assert path in str(found.value)
 
 
+def test_a_class_that_sees_a_part_of_the_state_is_built_for_its_size(write):
+    text = MINE.replace("rnd import RND", "icm import ICM").replace("(RND)", "(ICM)")  # which has no setting `sees`
+    write(f"{text}    sees = 'positions'\n    def __init__(self, size, *_): raise KeyError(size)")
+    with pytest.raises(ValueError, match=f"KeyError: {len(SMALL.columns('positions'))}$"):
+        make_agent("outside:Mine", SMALL, SACConfig(hidden=8), torch.Generator())
+
+
 def faulty(name: str, function) -> RND:
     """RND with one function replaced, after one proper batch."""
     cls = type("Faulty", (RND,), {name: function, "__module__": __name__})

@@ -19,7 +19,7 @@ WRONG = {
     HybridConfig: {"q_int_normalisation": "none", "popart_rate": 0.0, "spread_ratio": 0.0, "tau_rate": 2.0},
     MI.Config: {"xi": 1.0, "beta": 1.1, "m": 0.0, "k": 0, "min_log_std": 3.0},
     ICM.Config: {"beta": 1.5, "features": 0},
-    RE3.Config: {"decay": 1.0},
+    RE3.Config: {"decay": 1.0, "particles": 2},
     Disagreement.Config: {"models": 1, "hidden": 0},
     E3B.Config: {"ridge": 0.0},
     RIDE.Config: {"forward_weight": 0.0},

@@ -118,6 +118,9 @@ def test_pursued_goals_are_drawn_with_any_step_of_any_episode():
     counts = np.zeros((8, STEPS), int)
     np.add.at(counts, (slot, step), 1)
     assert chisquare(counts.ravel()).pvalue > 1e-3
+    halves = replay_of(relabelling="arrivals", arrival_share=0.5, pursued_share=0.5)
+    halves.add(random_episodes(np.random.default_rng(0), 8))
+    assert len(halves.sample(255, np.random.default_rng(0))["reward"]) == 255  # though both halves round up
 
 
 def test_half_a_batch_comes_from_arrivals_and_the_cap_is_the_batch_s():

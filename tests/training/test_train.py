@@ -52,9 +52,10 @@ def test_leaves_rows_result_and_picture(finished):
     assert not (finished / "checkpoint" / "replay").exists()
 
 
-def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", [MemoryError, RuntimeError])  # of NumPy, of torch
+def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, kind):
     def no_memory(*arguments):
-        raise MemoryError("Unable to allocate 1 TiB")
+        raise kind("Unable to allocate 1 TiB")
 
     monkeypatch.setattr(training, "TrainingState", no_memory)
     with pytest.raises(ValueError, match=r"cannot begin .*1 TiB"):
