@@ -145,16 +145,15 @@ def test_each_task_has_its_own_files(make_runs, tmp_path):
 def test_same_runs_give_the_same_bytes(make_runs, tmp_path):
     results = read_results(make_runs(methods=("sac", "icm+hm"), seeds=2), every_goal=False)
     formats = ("pdf", "png", "svg")
-    first, second, spread = (
-        draw_figures(results, tmp_path / folder, like="paper", formats=formats, processes=processes)
-        for folder, processes in (("a", 1), ("b", 1), ("c", 3))
+    first, spread = (
+        draw_figures(results, tmp_path / str(n), like="paper", formats=formats, processes=n) for n in (1, 3)
     )
     assert names(first) == [
         f"stack2-{name}.{suffix}" for name in ("figure-4", "figure-6c", "figure-7") for suffix in formats
     ]
     assert names(spread) == names(first)
-    for path, again, elsewhere in zip(first, second, spread, strict=True):
-        assert path.read_bytes() == again.read_bytes() == elsewhere.read_bytes()
+    for path, again in zip(first, spread, strict=True):
+        assert path.read_bytes() == again.read_bytes()
     assert b"/CIDFontType2" in first[0].read_bytes()  # fonttype 42
     assert b"/Type3" not in first[0].read_bytes()
 

@@ -1,7 +1,7 @@
 """Stepping many worlds beside a bare loop of `mj_step`; run with `make benchmark`, on an idle machine."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -20,8 +20,8 @@ def worlds_of(robot: str = "gripper", n_worlds: int = N_WORLDS, n_threads: int =
     return BatchedStacking("stack3", n_worlds, robot, n_threads=n_threads, seed=0)
 
 
-def moments(worlds: BatchedStacking) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """States `(N, nstate)` and actions `(N, 4)` at moments of random play, over and over."""
+def moments(worlds: BatchedStacking) -> list[tuple[np.ndarray, np.ndarray]]:
+    """States `(N, nstate)` and actions `(N, 4)` at moments of random play."""
     worlds.reset(biased=np.arange(worlds.n_worlds) % 2 == 0)
     rng = np.random.default_rng(0)
     recorded = []
@@ -30,12 +30,12 @@ def moments(worlds: BatchedStacking) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         if step % EVERY == 0:
             recorded.append((worlds._state.copy(), actions))
         worlds.step(actions)
-    return itertools.cycle(recorded)
+    return recorded
 
 
 def batched_step(worlds: BatchedStacking) -> Callable[[], object]:
     """One control step of all worlds, observed."""
-    played = moments(worlds)
+    played = itertools.cycle(moments(worlds))
 
     def run() -> object:
         worlds._state[:], actions = next(played)
@@ -48,7 +48,7 @@ def bare_step(worlds: BatchedStacking) -> Callable[[], object]:
     """The floor: `mj_step` in a bare loop over the same states with the same commands, nothing observed."""
     model, data, bound = worlds.model, mujoco.MjData(worlds.model), worlds._bound
     nq = model.nq
-    commands = [(s, bound.command(s[:, 1 : 1 + nq], s[:, 1 + nq :], a)) for s, a in _one_round(moments(worlds))]
+    commands = [(s, bound.command(s[:, 1 : 1 + nq], s[:, 1 + nq :], a)) for s, a in moments(worlds)]
     played = itertools.cycle(commands)
     state_spec, control_spec = mujoco.mjtState.mjSTATE_FULLPHYSICS, bound.hand.control_spec
 
@@ -61,10 +61,6 @@ def bare_step(worlds: BatchedStacking) -> Callable[[], object]:
             mujoco.mj_step(model, data, bound.n_substeps)
 
     return run
-
-
-def _one_round(played: Iterator[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
-    return list(itertools.islice(played, 1 + (EPISODE_STEPS - 1) // EVERY))
 
 
 def composer_step(robot: str = "gripper") -> Callable[[], object]:

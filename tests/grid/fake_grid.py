@@ -3,10 +3,8 @@
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.cli.parsing import parse_arguments
@@ -25,7 +23,6 @@ from curiobench.run_folder import RUN_FORMAT
 FAKE = (str(Path(__file__).with_name("fake_cell.py")),)
 SLURM = ("time=9", "partition=cpu")
 """Options of jobs."""
-T = TypeVar("T")
 
 
 def make_cells(out: Path, *flags: str) -> list[Cell]:
@@ -88,15 +85,6 @@ def starts(cell: Cell) -> list[str]:
     """A line for each time that a cell was started, which begins with its process."""
     path = cell.path / "starts"
     return path.read_text().splitlines() if path.exists() else []
-
-
-def wait_for(condition: Callable[[], T], seconds: float = 180) -> T:
-    """Wait until a condition holds; returns its value."""
-    deadline = time.monotonic() + seconds
-    while not (value := condition()):
-        assert time.monotonic() < deadline, "it never came about"
-        time.sleep(0.02)
-    return value
 
 
 def start(out: Path, jobs: int | str, *flags: str) -> subprocess.Popen:

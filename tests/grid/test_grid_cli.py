@@ -9,7 +9,7 @@ import pytest
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--methods", "sac"], "the grid has no tasks"),
+        (["--methods", "sac"], "the grid has no tasks: name some by --tasks"),
         (["--tasks", "stack2", "--methods", "sac", "--jobs", "0"], "jobs is 0; it must be at least 1"),
         (["--tasks", "stack2", "--methods", "sac", "--retries", "-1"], "retries is -1"),
         (["--tasks", "stack2", "--methods", "sac", "--address", "auto"], "--address needs --launcher ray"),

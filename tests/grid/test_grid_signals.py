@@ -9,7 +9,8 @@ from pathlib import Path
 
 import fake_grid
 import pytest
-from fake_grid import make_cells, rows, set_up_fakes, undisturbed, wait_for
+from commands import wait_for
+from fake_grid import make_cells, rows, set_up_fakes, undisturbed
 
 from curiobench.grid.launcher import LocalJob
 from curiobench.run_folder import is_locked

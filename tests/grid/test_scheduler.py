@@ -36,12 +36,6 @@ def test_all_cells_are_trained_once_with_one_thread(cells, capsys):
     assert sum("finished, 1/3 goals learned" in line for line in lines) == 4
 
 
-def test_finished_cells_are_skipped(cells):
-    schedule(cells[:2])
-    schedule(cells)
-    assert [len(starts(cell)) for cell in cells] == [1, 1, 1, 1]
-
-
 def test_a_broken_cell_is_tried_again_after_the_others(cells, capsys):
     set_up_fakes(cells, stack2_sac_0={"failures": 1})
     scheduler = schedule(cells, jobs=1)

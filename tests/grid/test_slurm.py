@@ -7,13 +7,25 @@ import subprocess
 import sys
 
 import pytest
-from fake_grid import FAKE, SLURM, make_cells, rows, run_on, set_up_fakes, start, starts, states, undisturbed, wait_for
+from commands import wait_for
+from fake_grid import (
+    FAKE,
+    SLURM,
+    Watching,
+    make_cells,
+    rows,
+    run_on,
+    set_up_fakes,
+    start,
+    starts,
+    states,
+    undisturbed,
+)  # fmt: skip
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.cli.parsing import parse_arguments
 from curiobench.errors import StopRequest
 from curiobench.grid.disk import State
-from curiobench.grid.overview import PlainGridView
 from curiobench.grid.run import run_grid
 from curiobench.grid.slurm_launcher import SlurmLauncher
 from curiobench.run_folder import is_locked
@@ -70,12 +82,11 @@ def test_after_a_kill_the_grid_waits_for_its_jobs_instead_of_submitting_others(c
 def test_a_stop_checkpoints_the_job_that_runs_and_empties_the_queue(cluster, tmp_path):
     cells, stop = paced(tmp_path), StopRequest()
 
-    class Stopping(PlainGridView):
-        def show(self, statuses, slots):
-            if statuses[0].progress.epoch >= 3 and not stop.count:
-                stop._note(signal.SIGTERM, None)
+    def stop_it(statuses):
+        if statuses[0].progress.epoch >= 3 and not stop.count:
+            stop._note(signal.SIGTERM, None)
 
-    assert finish(cells, Stopping(), stop) == [State.STOPPED] * 2
+    assert finish(cells, Watching(stop_it), stop) == [State.STOPPED] * 2
     assert "stopped after a checkpoint" in cells[0].log.read_text()
     assert not cells[1].path.exists()
     assert finish(cells) == [State.FINISHED] * 2
@@ -87,18 +98,14 @@ def test_a_stop_checkpoints_the_job_that_runs_and_empties_the_queue(cluster, tmp
 def test_a_job_whose_time_is_up_goes_on_in_another(cluster, tmp_path, capsys):
     cells = paced(tmp_path)[:1]
 
-    class TimeUp(PlainGridView):
-        def show(self, statuses, slots):
-            if statuses[0].progress.epoch >= 3 and not (cluster / "told").exists():
-                (cluster / "told").touch()
-                job, training = (
-                    (cluster / "1.job").read_text().split()[1],
-                    (cells[0].path / "starts").read_text().split()[0],
-                )
-                for process in (training, job):  # SLURM tells all processes of a job
-                    os.kill(int(process), signal.SIGUSR2)
+    def end_its_time(statuses):
+        if statuses[0].progress.epoch >= 3 and not (cluster / "told").exists():
+            (cluster / "told").touch()
+            job, training = (cluster / "1.job").read_text().split()[1], starts(cells[0])[0].split()[0]
+            for process in (training, job):  # SLURM tells all processes of a job
+                os.kill(int(process), signal.SIGUSR2)
 
-    assert finish(cells, TimeUp()) == [State.FINISHED]
+    assert finish(cells, Watching(end_its_time)) == [State.FINISHED]
     assert rows(cells[0].out) == undisturbed(cells)
     assert [len(starts(cell)) for cell in cells] == [2]
     assert "stack2-sac-0: its worker went away" in capsys.readouterr().out

@@ -1,7 +1,5 @@
 """DAC: values in plain numpy, the ratio against the truth, alpha's range, and its view of the agent's policy."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -98,14 +96,6 @@ def test_policy_loss_term_reaches_the_policy_through_its_action():
     action = batch.policy.action.clone().requires_grad_()
     method.policy_loss_term(batch, batch.policy.desired_goal, action).sum().backward()
     assert action.grad.abs().min() > 0
-
-
-def test_reward_depends_on_the_goal_and_needs_a_policy():
-    method, batch = some_method(), random_transitions(8)
-    other = replace(batch, policy=replace(batch.policy, desired_goal=1 - batch.policy.desired_goal))
-    assert not torch.equal(method.reward(batch), method.reward(other))
-    with pytest.raises(ValueError, match=r"Transitions\.policy"):
-        method.reward(replace(batch, policy=None))
 
 
 def test_log_density_of_given_actions_is_that_of_sampling_them():

@@ -11,8 +11,8 @@ import torch
 from agents import random_batch
 from curiosity import REWARDS, fresh, random_transitions, transitions_of
 from layouts import SMALL, layout_of
-from states import same_state
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import make_agent
 from curiobench.methods.reward import Transitions

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 from curiosity import fresh, plain, random_transitions, transitions_of, with_random_biases
-from states import same_state
 
 from curiobench.methods.mi import MI
 
@@ -72,17 +71,6 @@ def test_a_density_that_is_still_flat_gives_no_transition_a_huge_weight():
     noise = np.random.default_rng(0).normal(size=(3, 64, 40))
     batch = transitions_of(noise[0], noise[1, :, :2], noise[2], epoch=CAP_EPOCH)
     assert max(method.update(batch)["mi_weight"].item() for _ in range(3)) < 5
-
-
-def test_searching_neighbours_once_a_batch_changes_nothing():
-    """With and without a call of `reward` before it, `update` ends in the same state."""
-    batches = [random_transitions(8, seed) for seed in range(3)]
-    rewarded, silent = fresh(MI), fresh(MI)
-    for batch in batches:
-        rewarded.reward(batch)
-        rewarded.update(batch)
-        silent.update(batch)
-    assert same_state(rewarded.state_dict(), silent.state_dict())
 
 
 def test_sharp_densities_of_many_dimensions_stay_finite():

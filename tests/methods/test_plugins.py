@@ -9,8 +9,8 @@ import pytest
 import torch
 from agents import random_batch
 from layouts import SMALL
-from states import same_state
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods import specs
 from curiobench.methods.agents.settings import SACConfig
 from curiobench.methods.guard import MethodError

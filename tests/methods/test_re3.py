@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 from curiosity import fresh, plain, random_transitions, with_random_biases
-from states import same_state
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods.re3 import RE3
 
 

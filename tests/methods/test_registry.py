@@ -16,12 +16,6 @@ def make(spec: str, *settings):
     return make_agent(spec, layout_of(2), SACConfig(hidden=8), torch.Generator().manual_seed(0), *settings)
 
 
-def test_sac_is_available_in_any_case():
-    assert "sac" in available_specs()
-    assert parse_spec(" SAC ").reward is None
-    assert type(make("sac")) is SAC
-
-
 def test_every_curiosity_method_has_a_hybrid():
     hybrids = {spec for spec in available_specs() if parse_spec(spec).hybrid}
     assert hybrids == {f"{name}+hm" for name in REWARDS} | {*ALIASES}
@@ -35,11 +29,6 @@ def test_every_curiosity_method_has_a_hybrid():
 def test_built_in_methods_are_of_the_kind_that_their_lines_say():
     for spec, method in BUILT_IN.items():
         assert (parse_spec(spec).reward is not None) == method.rewards
-
-
-def test_mihm_is_another_name_of_mi_hm():
-    assert parse_spec("mihm") == parse_spec("mi+hm")
-    assert parse_spec("MIHM").text == "mi+hm"
 
 
 def test_settings_of_the_mechanism_reach_the_agent():

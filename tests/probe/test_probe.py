@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import torch
 from commands import files
-from states import same_state
 from tiny_runs import TINY
 
 from curiobench.analysis import colours
+from curiobench.check.subject import same as same_state
 from curiobench.cli.arguments import ProbeArguments
 from curiobench.config import MachineConfig
 from curiobench.methods.icm import ICMConfig

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from curiobench.methods.registry import parse_spec
-from curiobench.methods.reward import Collected, IntrinsicReward, PolicyView, Transitions
+from curiobench.methods.reward import IntrinsicReward, PolicyView, Transitions
 from curiobench.methods.specs import BUILT_IN
 
 STATE, ACTION, GOAL = 3, 2, 4
@@ -51,13 +51,6 @@ def random_transitions(size: int = 8, seed: int = 0, epoch: int = 3) -> Transiti
         episode_states=states,
         episode_achieved_goals=goals,
     )
-
-
-def collected(seed: int = 0) -> Collected:
-    """Eight episodes of noise."""
-    seen = random_transitions(seed=seed)
-    actions = torch.zeros(len(seen.state), STEPS, ACTION)
-    return Collected(seen.episode_states, actions, seen.episode_achieved_goals)
 
 
 def fresh(method: type[IntrinsicReward], seed: int = 0, sizes: tuple[int, int] = (STATE, ACTION), **config):

@@ -11,6 +11,7 @@ import pandas as pd
 from synthetic import write_runs
 
 from curiobench.analysis.folders import SUMS, read_sums
+from curiobench.files import read_json
 from curiobench.protocol import EVALUATION_SEED, LEARNED_ABOVE, satisfied_starts
 from curiobench.tasks.registration import TASK_VERSION
 
@@ -26,16 +27,11 @@ def write_lawful(folder: Path) -> list[Path]:
     paths = write_runs(folder, methods=["sac", OUTSIDE], seeds=4, epochs=EPOCHS)
     for number, path in enumerate(paths):
         edit_versions(path, git_commit=COMMIT, task_version=TASK_VERSION, evaluation_seed=EVALUATION_SEED)
-        if OUTSIDE in read_config(path)["config"]["method"]:
+        if OUTSIDE in read_json(path / "config.json")["config"]["method"]:
             edit_versions(path, method_file="/home/someone/mod.py", method_sha256="ab" * 32)
         rewrite(path)
         edit_rows(path / "progress.csv", lambda rows, n=number: rows.assign(critic_loss=rows["critic_loss"] + n))
     return paths
-
-
-def read_config(path: Path) -> dict[str, Any]:
-    """What config.json of a run holds."""
-    return json.loads((path / "config.json").read_text())
 
 
 def edit_json(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
@@ -91,7 +87,7 @@ def rewrite(path: Path, episodes: int = 25, steps: int = STEPS, satisfied: dict[
         steps: of an epoch.
         satisfied: episodes that start with their goal satisfied, by the goal's bits; those of the protocol if None.
     """
-    config = read_config(path)["config"]
+    config = read_json(path / "config.json")["config"]
     held = satisfied_starts(config["task"], episodes) if satisfied is None else satisfied
     edit_rows(path / "evaluations.csv", lambda rows: _whole_episodes(rows, episodes, steps, held))
     edit_rows(

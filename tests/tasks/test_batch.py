@@ -97,16 +97,11 @@ def _placements_of(space: GoalSpace) -> np.ndarray:
     return np.array([found[index] for index in range(len(space))])
 
 
-def test_reward_is_compute_reward_on_any_batch():
+def test_reward_is_compute_reward():
     worlds = BatchedStacking("stack3", 64, seed=0)
     worlds.reset(biased=True)
     seen, reward = worlds.step(np.zeros((64, 4)))
     np.testing.assert_array_equal(reward, worlds.compute_reward(seen.achieved_goal, seen.desired_goal, {}))
-    everyone_with_everyone = worlds.compute_reward(seen.achieved_goal[:, None], seen.achieved_goal[None])
-    assert everyone_with_everyone.shape == (64, 64)
-    assert (np.diag(everyone_with_everyone) == 1).all()
-    for i, j in ((0, 1), (3, 40), (63, 2)):
-        assert everyone_with_everyone[i, j] == float(np.array_equal(seen.achieved_goal[i], seen.achieved_goal[j]))
 
 
 @pytest.mark.parametrize("damage", ["nan", "huge"])

@@ -100,12 +100,6 @@ def test_bad_input(env, call, message):
 def test_the_time_limit_is_that_of_gymnasium():
     for task in TASKS:
         assert gym.spec(task_spec(task).gym_id).max_episode_steps == task_spec(task).horizon
-    for steps in (3, 60):
-        env = gym.make("curiobench/SemanticStack2-v0", max_episode_steps=steps)
-        env.reset(seed=0)
-        ends = [env.step(np.zeros(4, np.float32))[3] for _ in range(steps)]
-        assert ends == [False] * (steps - 1) + [True]
-        assert env.spec.max_episode_steps == steps
     env = gym.make("curiobench/SemanticStack2-v0", max_episode_steps=-1)
     env.reset(seed=0)
     assert not any(env.step(np.zeros(4, np.float32))[3] for _ in range(60))

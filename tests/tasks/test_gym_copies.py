@@ -26,8 +26,9 @@ def play(env, actions, options=None):
     return np.concatenate([np.ravel(number) for number in numbers])
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-@pytest.mark.parametrize("robot", ["gripper", "fetch"])
+@pytest.mark.parametrize(
+    ("robot", "duplicate"), [("gripper", copy.deepcopy), ("fetch", lambda env: pickle.loads(pickle.dumps(env)))]
+)
 def test_a_copy_continues_with_the_same_numbers(robot, duplicate):
     env = gym.make(ID, robot=robot, max_episode_steps=8)
     env.reset(seed=1, options={"biased": True})

@@ -38,14 +38,6 @@ def test_pictures_have_the_size_and_the_camera_asked_for():
     vector.close()
 
 
-def test_pictures_can_be_collected():
-    env = gym.make("curiobench/SemanticStack2-v0", render_mode="rgb_array_list", width=32, height=32)
-    env.reset(seed=0)
-    env.step(np.zeros(4, np.float32))
-    assert [picture.shape for picture in env.render()] == [(32, 32, 3)] * 2
-    env.close()
-
-
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [

@@ -79,7 +79,9 @@ def test_worlds_have_the_scene_starts_and_goals():
 def test_episodes_end_at_the_horizon():
     environment = load("odd-table", random_state=0)
     environment.reset()
-    assert [environment.step(np.zeros(4)).last() for _ in range(7)] == [False] * 6 + [True]
+    steps = [environment.step(np.zeros(4)) for _ in range(7)]
+    assert [step.last() for step in steps] == [False] * 6 + [True]
+    assert steps[-1].discount == 1
     vector = SemanticStackVectorEnv(2, "odd-table")
     vector.reset(seed=0)
     assert [vector.step(np.zeros((2, 4), np.float32))[3].all() for _ in range(7)] == [False] * 6 + [True]

@@ -132,15 +132,6 @@ def _first_reward(environment: composer.Environment, goal: str) -> float:
     return environment.step(np.zeros(4)).reward
 
 
-def test_an_episode_takes_fifty_steps_and_ends_with_discount_one():
-    environment = load("stack2", random_state=0)
-    environment.reset()
-    steps = [environment.step(np.zeros(4)) for _ in range(50)]
-    assert [step.last() for step in steps] == [False] * 49 + [True]
-    assert steps[-1].discount == 1
-    assert environment.step(np.zeros(4)).first()
-
-
 def test_goals_are_drawn_from_all_valid_ones_and_seeds_repeat():
     def goals(seed: int) -> list[str]:
         environment = load("stack2", random_state=seed)

@@ -7,7 +7,7 @@ import pytest
 from tiny_runs import TINY
 
 from curiobench.methods.guard import NonFiniteError
-from curiobench.rollout import collect, successes
+from curiobench.rollout import collect
 from curiobench.state import TrainingState
 from curiobench.tasks import BatchedStacking
 
@@ -41,9 +41,6 @@ def test_an_episode_holds_what_the_agent_saw_and_did(worlds):
     np.testing.assert_array_equal(episodes.observation[:, :50].swapaxes(0, 1), [seen for seen, _ in agent.calls])
     np.testing.assert_array_equal(episodes.observation[:, 50], worlds.observe().observation)
     np.testing.assert_array_equal(episodes.achieved_goal[:, 50], worlds.observe().achieved_goal)
-    success, satisfied = successes(episodes)
-    assert (success == (episodes.achieved_goal[:, 50] == goals).all(axis=1)).all()
-    assert (satisfied == (episodes.achieved_goal[:, 0] == goals).all(axis=1)).all()
 
 
 def test_diverged_episodes_are_left_out(worlds, monkeypatch):

@@ -2,14 +2,14 @@
 
 import signal
 import sys
-import time
 from dataclasses import replace
 
 import pytest
-from states import same_state
+from commands import wait_for
 from tiny_runs import TINY, numbers
 
 from curiobench import checkpoint, trackers
+from curiobench.check.subject import same as same_state
 from curiobench.config import MachineConfig, RunConfig
 from curiobench.run_folder import CHECKPOINT
 from curiobench.training import train
@@ -42,21 +42,6 @@ def untracked(tmp_path_factory):
     folder = tmp_path_factory.mktemp("untracked") / "run"
     train_in_two_parts(tracked(None), folder)
     return folder
-
-
-def assert_same_run(folder, untracked):
-    assert numbers(folder) == numbers(untracked)
-    first, second = (checkpoint.load(path / CHECKPOINT, TINY.fingerprint())[0] for path in (folder, untracked))
-    assert same_state(first, second)
-
-
-def wait_until(condition):
-    """For half a minute: wandb's own process writes its file a moment after the run has closed it."""
-    for _ in range(60):
-        if condition():
-            return
-        time.sleep(0.5)
-    assert condition()
 
 
 def read_tensorboard(folder):
@@ -122,8 +107,13 @@ def test_a_tracker_gets_every_row_in_one_run_and_changes_nothing(
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     train_in_two_parts(tracked(name), tmp_path / "run")
     steps = {"critic_loss": [1, 2, *repeated, 3], "success": [2, *repeated, 3]}
-    wait_until(lambda: read(tmp_path / "run") == steps)
-    assert_same_run(tmp_path / "run", untracked)
+    # wandb's own process writes its file a moment after the run has closed it
+    wait_for(lambda: read(tmp_path / "run") == steps)
+    assert numbers(tmp_path / "run") == numbers(untracked)
+    first, second = (
+        checkpoint.load(path / CHECKPOINT, TINY.fingerprint())[0] for path in (tmp_path / "run", untracked)
+    )
+    assert same_state(first, second)
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
 

@@ -3,13 +3,15 @@
 `curiobench check` examines each method by itself (tests/check).
 """
 
+import io
+
 import numpy as np
 import pytest
 import torch
 from agents import random_batch, raw_of
 from layouts import layout_of
-from states import same_state, through_a_file
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods.agents.settings import HybridConfig, SACConfig
 from curiobench.methods.registry import make_agent
 from curiobench.methods.specs import HYBRID
@@ -47,7 +49,9 @@ def play(agent, numbers: range) -> list:
 def test_trains_twice_equal_and_resumes_to_the_bit(case):
     first, second, resumed = (agent_of(case, seed) for seed in (0, 0, 1))
     assert play(first, range(3)) == play(second, range(3))
-    resumed.load_state_dict(through_a_file(first.state_dict()))
+    file = io.BytesIO()
+    torch.save(first.state_dict(), file)
+    resumed.load_state_dict(torch.load(io.BytesIO(file.getvalue()), weights_only=True))
     histories = [play(agent, range(3, 6)) for agent in (first, second, resumed)]
     assert histories[0] == histories[1] == histories[2]
     assert same_state(first.state_dict(), second.state_dict())

@@ -10,8 +10,8 @@ import pytest
 import torch
 from agents import Counting, counting, hybrid_of, random_batch, raw_of, sac_of, step, two_state_batch
 from layouts import SMALL
-from states import same_state
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods.agents.agent import LearningAgent
 from curiobench.methods.agents.hybrid import EXPLOIT, EXPLORE, PROBE_ACTIONS
 from curiobench.methods.agents.pairs import PairInputs
@@ -22,10 +22,6 @@ from curiobench.methods.guard import NonFiniteError
 def of_policy(agent: LearningAgent, policy: int) -> list[torch.Tensor]:
     """Weights of pi_d, which is SAC's only one, or pi_c."""
     return [weights[policy] for weights in agent.learner.actor.net.parameters()]
-
-
-def equal(first, second) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(first, second, strict=True))
 
 
 @pytest.mark.parametrize("tune_temperature", [False, True])
@@ -49,7 +45,7 @@ def test_exploitation_learns_what_sac_learns_from_the_same_batches(tau, tune_tem
         torch.testing.assert_close(of_policy(hybrid, policy), of_policy(sac, EXPLOIT), **tolerance)
     torch.testing.assert_close([*hybrid.learner.critics.parameters()], [*sac.learner.critics.parameters()], **tolerance)
     np.testing.assert_allclose(hybrid.act(*raw_of(batch), True), sac.act(*raw_of(batch), True), **tolerance)
-    assert equal(of_policy(hybrid, EXPLORE), of_policy(hybrid, EXPLOIT)) == (tau == 0)
+    assert same_state(of_policy(hybrid, EXPLORE), of_policy(hybrid, EXPLOIT)) == (tau == 0)
 
 
 class Fading(Counting):

@@ -9,8 +9,8 @@ import pytest
 import torch
 from agents import Counting, counting, hybrid_of, random_batch, raw_of, sac_of
 from layouts import SMALL
-from states import same_state
 
+from curiobench.check.subject import same as same_state
 from curiobench.methods.agents.hybrid import EXPLOIT, EXPLORE
 from curiobench.methods.agents.losses import bootstrapped_target, critic_loss, policy_loss, temperature_loss
 from curiobench.methods.agents.settings import SACConfig
@@ -36,16 +36,6 @@ def test_losses_by_hand():
     assert metrics["entropy"].item() == -0.5  # without the method's term
     loss, _ = temperature_loss(torch.tensor(2.0), log_prob, target_entropy=-4.0)
     assert loss.item() == -2.0 * (0.5 - 4.0)
-
-
-def test_a_batch_without_its_actions_is_refused():
-    with pytest.raises(TypeError, match="action"):
-        Batch.from_numpy({f.name: None if f.name == "action" else np.zeros(1, np.float32) for f in fields(Batch)})
-
-
-def test_an_agent_without_a_curiosity_method_says_so():
-    with pytest.raises(ValueError, match="no curiosity method"):
-        sac_of().transitions(random_batch(SMALL, 4, np.random.default_rng(0)), epoch=0)
 
 
 def test_target_networks_keep_no_history():
