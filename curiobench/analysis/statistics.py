@@ -119,18 +119,20 @@ def area_under_curve(epochs: np.ndarray, success: np.ndarray) -> np.ndarray:
 def seed_warnings(sizes: Sequence[tuple[str, int]]) -> list[str]:
     """Warnings about too few seeds, given the name and number of seeds of each method.
 
-    There is one line per number of seeds below `ENOUGH_SEEDS`. It names the methods unless all have the same number.
+    They cover the numbers of seeds below `ENOUGH_SEEDS`, and name the methods unless all have the same number.
     """
     by_size: dict[int, list[str]] = {}
     for name, size in sizes:
         by_size.setdefault(size, []).append(name)
-    lines = []
+    said = {}
     for size, names in sorted(by_size.items()):
         whose = ", ".join(names) if len(names) <= 3 else f"{len(names)} methods"
-        of = f" of {whose}" if len(by_size) > 1 else ""
-        few = f"{size} seeds{of} are too few to conclude: intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
-        lines.append(few if size > 1 else f"1 seed{of}: no interval, and nothing to conclude about the method")
-    return lines[: sum(size < ENOUGH_SEEDS for size in by_size)]  # sizes are in increasing order
+        said[size] = f"{size} seed" + "s" * (size > 1) + (f" of {whose}" if len(by_size) > 1 else "")
+    lines = [f"{said[1]}: no interval, and nothing to conclude about the method"] if 1 in said else []
+    if few := [text for size, text in said.items() if 1 < size < ENOUGH_SEEDS]:
+        narrow = f"intervals of fewer than {ENOUGH_SEEDS} are much too narrow"
+        lines.append(f"{' and '.join(few)} are too few to conclude: {narrow}")
+    return lines
 
 
 def _checked(scores: np.ndarray, dimensions: tuple[int, ...] | range) -> np.ndarray:

@@ -124,8 +124,8 @@ def test_too_few_seeds_are_named():
     assert seed_warnings([("sac", 1)]) == ["1 seed: no interval, and nothing to conclude about the method"]
     assert seed_warnings([("sac", 3), ("icm", 3)])[0].startswith("3 seeds are too few")
     assert seed_warnings([("sac", ENOUGH_SEEDS)]) == []
-    few, fewer = seed_warnings([("sac", ENOUGH_SEEDS), ("icm", 3), *((f"m{i}", 2) for i in range(4))])[::-1]
-    assert (few[:14], fewer[:20]) == ("3 seeds of icm", "2 seeds of 4 methods")
+    (line,) = seed_warnings([("sac", ENOUGH_SEEDS), ("icm", 3), *((f"m{i}", 2) for i in range(4))])
+    assert line.startswith("2 seeds of 4 methods and 3 seeds of icm are too few")
 
 
 def test_few_seeds_cover_less_than_they_claim():
