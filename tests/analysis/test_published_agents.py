@@ -182,6 +182,8 @@ def test_what_is_wrong_with_an_agent_is_one_line(out, spoil, message):
 
 def test_relative_paths_of_a_run_mean_the_run(out, finished, monkeypatch):
     shutil.copytree(finished, out.with_name("run"))
+    with pytest.raises(ValueError, match=r"v1/\.\./runs does not exist$"):
+        load_agent(out / ".." / "runs")
     monkeypatch.chdir(out)
     assert load_agent(Path("../run"))[0].method == "sac"
     monkeypatch.chdir("../run")

@@ -20,7 +20,7 @@ from fake_grid import (
     starts,
     states,
     undisturbed,
-)  # fmt: skip
+)
 
 from curiobench.cli.arguments import GridArguments
 from curiobench.cli.parsing import parse_arguments

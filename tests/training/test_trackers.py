@@ -108,7 +108,7 @@ def test_a_tracker_gets_every_row_in_one_run_and_changes_nothing(
     train_in_two_parts(tracked(name), tmp_path / "run")
     steps = {"critic_loss": [1, 2, *repeated, 3], "success": [2, *repeated, 3]}
     # wandb's own process writes its file a moment after the run has closed it
-    wait_for(lambda: read(tmp_path / "run") == steps)
+    wait_for(lambda: read(tmp_path / "run") == steps, seconds=30)
     assert numbers(tmp_path / "run") == numbers(untracked)
     first, second = (
         checkpoint.load(path / CHECKPOINT, TINY.fingerprint())[0] for path in (tmp_path / "run", untracked)
